@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from .pieces import DEGREE, least
 from .tolerances import EPS, NOTABLE
 from .units import RAD, Q
 
-Points: TypeAlias = NDArray[np.complex128]
+Points: TypeAlias = NDArray[np.complexfloating[Any, Any]]
 Law = Literal["3-4-5", "4-5-6-7", "cycloidal", "modified sine"]
 Follower = Literal["knife", "roller", "flat"]
 CLOSE = 512 * EPS  # largest error of the second derivative of a series, relative to its size
@@ -165,7 +165,7 @@ def pieces_of(motion: tuple[CamSegment, ...] | Curve, phase: float) -> Pieces:
     """Return the lift over one turn of the cam, which begins at the angle `phase` [rad]."""
     if isinstance(motion, Curve):
         own = motion.pieces
-        return own._replace(places=_turn(own.places + phase))
+        return _turn(Pieces(own.places + phase, own.powers, motion.value[-1], True))
     rest = math.tau - math.fsum(one.angle or 0.0 for one in motion)
     begin, low = phase, 0.0
     places, powers = list[Array](), list[Array]()
@@ -177,13 +177,18 @@ def pieces_of(motion: tuple[CamSegment, ...] | Curve, phase: float) -> Pieces:
         places.append(begin + angle * at)
         powers.append(own)
         begin, low = begin + angle, one.lift
-    return Pieces(_turn(np.append(np.concatenate(places), begin)), np.hstack(powers), low, True)
+    ends = np.append(np.concatenate(places), begin)
+    return _turn(Pieces(ends, np.hstack(powers), low, True))
 
 
-def _turn(places: Array) -> Array:
-    """Return places whose last one is one turn behind the first, without the rounding of sums."""
-    places[-1] = places[0] + math.tau
-    return places
+def _turn(lift: Pieces) -> Pieces:
+    """Return a lift stretched by its rounding, so that it takes one turn."""
+    first, last = lift.places[[0, -1]]
+    share = (last - first) / math.tau
+    places = first + (lift.places - first) / share
+    places[-1] = first + math.tau
+    degrees = np.arange(float(len(lift.powers)))[:, None]
+    return lift._replace(places=places, powers=lift.powers * share**degrees)
 
 
 def values(lift: Pieces, x: Array) -> tuple[Array, Array, Array]:
@@ -192,7 +197,7 @@ def values(lift: Pieces, x: Array) -> tuple[Array, Array, Array]:
     x = places[0] + np.mod(x - places[0], math.tau)
     piece = np.clip(np.searchsorted(places, x, "right") - 1, 0, len(places) - 2)
     s = x - places[piece]
-    f, slope, bend = np.zeros((3, *np.shape(x)))
+    f, slope, bend = (np.zeros(np.shape(x)) for _ in range(3))
     for c in lift.powers[::-1, piece]:
         bend = bend * s + 2.0 * slope
         slope = slope * s + f
@@ -311,6 +316,25 @@ def outline(rule: Rule, lift: Pieces, count: int) -> Points:
     if rule.follower == "knife":
         return np.array([centre])
     return centre + rule.roller * np.exp(1j * math.tau * np.arange(count) / count)
+
+
+def extruded(profile: Array, width: Array) -> Array | None:
+    """Return the triangles (n, 3, 3) of a solid between a profile and its copy a width (3,) away.
+
+    None, if the origin does not see the whole profile (m, 3), which is counter-clockwise about the
+    width.
+    """
+    after = np.roll(profile, -1, axis=0)
+    if not (np.cross(profile, after) @ width > 0.0).all():
+        return None
+    none = np.zeros_like(profile)
+    corners = (
+        (none, after, profile),
+        (none + width, profile + width, after + width),
+        (profile, after, after + width),
+        (profile, after + width, profile + width),
+    )
+    return np.concatenate([np.stack(one, axis=1) for one in corners])
 
 
 def lowest(rule: Rule, lift: Pieces, ends: Sequence[float]) -> tuple[float, float]:

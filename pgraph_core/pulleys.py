@@ -68,6 +68,11 @@ class Pulley(Described):
         "on the hinge of its body",
     )  # fmt: skip
 
+    @classmethod
+    def from_body_to_body(cls, body: str, other: str) -> dict[str, Any]:
+        """Return the fields of a new cable between the origins of two bodies."""
+        return {"through": (cls(body=body), cls(body=other))}
+
     @model_validator(mode="after")
     def _round(self) -> Self:
         refuse_no_direction(axis=self.axis)

@@ -326,3 +326,89 @@ def test_tendons_around_geoms_pull_as_in_mujoco(tmp_path, kind, sided):
                 scale = np.abs(data.qacc).max()
                 np.testing.assert_allclose(found, data.qacc, rtol=0, atol=1e-9 * scale)
     assert touching > 5
+
+
+ROPED = """<mujoco><option gravity="0 0 -9.81"/><worldbody><site name="hook" pos=".1 .3 .4"/>
+<body><joint axis="0 1 0"/><joint type="slide" axis="1 0 .5"/>
+  <inertial mass="1" pos=".05 0 0" diaginertia=".01 .012 .014"/><site name="eye" pos=".1 -.1 .05"/>
+  <body pos="0 -.15 .05"><joint axis="0 0 1"/>
+    <inertial mass=".7" pos="0 -.1 0" diaginertia=".01 .012 .014"/><site name="end" pos=".2 0 -.3"/>
+</body></body></worldbody><tendon><spatial name="rope" stiffness="200" damping="{damping}"
+ springlength="{slack}"{limits}><site site="hook"/>{via}<site site="end"/></spatial></tendon>
+</mujoco>"""
+
+
+@pytest.mark.parametrize("via", ["", '<site site="eye"/>'], ids=["straight", "via"])
+@pytest.mark.parametrize(("slack", "damping"), [("0 1.1", 0), ("0.9 1.3", 3), ("1.1 1.1", 3)])
+def test_tendons_with_a_slack_range_pull_and_push_as_in_mujoco(tmp_path, slack, damping, via):
+    """There and back, at lengths within, below and beyond the range."""
+    xml = ROPED.format(slack=slack, damping=damping, via=via, limits="")
+    m, rng, shortest = mujoco.MjModel.from_xml_string(xml), np.random.default_rng(3), []
+    model = loaded(tmp_path, xml)
+    assert isinstance(model["rope"], pg.Spring if slack == "1.1 1.1" else pg.Strut)
+    again, out = written(tmp_path, model)
+    assert not [what for what in differences(model, again) if what[0] == "forces"]
+    np.testing.assert_allclose(out.tendon_lengthspring, m.tendon_lengthspring, rtol=1e-14)
+    for one, peer in ((model, m), (again, out)):
+        mech, data = pg.Mechanism(one), mujoco.MjData(peer)
+        for q in rng.uniform(-1.0, 1.0, (20, 3)):
+            data.qpos, data.qvel = q, rng.uniform(-2.0, 2.0, 3)
+            mujoco.mj_forward(peer, data)
+            shortest.append(data.ten_length[0])
+            found = mech.forward_dynamics(q, data.qvel)
+            scale = np.abs(data.qacc).max()
+            np.testing.assert_allclose(found, data.qacc, rtol=0, atol=1e-12 * scale)
+    low, high = map(float, slack.split())
+    assert min(shortest) < max(low, 0.9)
+    assert max(shortest) > high
+    assert low == high or any(low < x < high for x in shortest)
+
+
+def test_limits_of_a_tendon_with_a_slack_range_are_those_of_a_spring_beside_it(tmp_path):
+    model = loaded(tmp_path, ROPED.format(
+        slack="0 .85", damping=0, via="", limits=' limited="true" range="0.2 1.5"',
+    ))  # fmt: skip
+    rope, ends = model.forces
+    assert (rope.kind, ends.kind, ends.stiffness) == ("strut", "spring", 0.0)
+    assert (ends.low, ends.high) == (0.2, 1.5)
+    again, m = written(tmp_path, model)
+    assert m.ntendon == 2
+    assert not differences(model, again)
+
+
+@pytest.mark.parametrize("fields", [
+    {"spring": {"x": (0, 1, 2), "value": (0, 0, 50.0)}},
+    {"spring": {"x": (0, 0.5, 1, 3), "value": (-25.0, 0, 0, 100.0)}},
+    {"spring": {"x": (0, 1.0, 2.0, 3.0), "value": (0, 0, 50.0, 100.0)}},  # a knot without bend
+    {"spring": {"x": (1, 2), "value": (10.0, 60.0)}, "damper": {"x": (0, 1), "value": (0, 2.0)}},
+    {"damper": {"x": (-1, 1), "value": (-2.0, 2.0)}},
+])  # fmt: skip
+def test_a_strut_that_is_a_spring_or_a_rope_is_a_tendon(tmp_path, fields):
+    rod = pg.Body("rod", joint="spherical", mass=1.0, inertia=(0.1,) * 3, com=(0, 0, 0.5))
+    strut = pg.Strut(name="s", body="rod", point=(0, 0, 1), other_point=(1, 0.5, 0.3), **fields)
+    again, m = written(tmp_path, pg.Model([rod], forces=[strut]))
+    assert agree(again, m)
+    ours, theirs = (pg.Mechanism(x) for x in (pg.Model([rod], forces=[strut]), again))
+    rng = np.random.default_rng(2)
+    for _ in range(9):
+        q, v = rng.normal(size=4), rng.normal(size=3)
+        q /= np.linalg.norm(q)
+        found = theirs.forward_dynamics(q, v)
+        np.testing.assert_allclose(found, ours.forward_dynamics(q, v), rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("fields", [
+    {"spring": {"x": (0, 1, 2), "value": (0, 10.0, 50.0)}},  # two stiffnesses
+    {"spring": {"x": (0, 1, 2), "value": (1.0, 1.0, 50.0)}},  # never slack
+    {"spring": {"x": (0, 1, 2), "value": (-10.0, 0.0, 0.0)}},  # only pushes
+    {"spring": {"x": (0, 1), "value": (5.0, 5.0)}},  # a constant
+    {"damper": {"x": (-1, 0, 1), "value": (-2.0, 0, 3.0)}},
+    {"damper": {"x": (0, 1), "value": (1.0, 2.0)}},
+    {"bump_length": 0.5, "bump_stiffness": 9.0},
+])  # fmt: skip
+def test_other_struts_are_reported(tmp_path, fields):
+    rod = pg.Body("rod", joint="spherical", mass=1.0, inertia=(0.1,) * 3, com=(0, 0, 0.5))
+    strut = pg.Strut(name="s", body="rod", point=(0, 0, 1), other_point=(1, 0.5, 0.3), **fields)
+    report = pg.write_mjcf(pg.Model([rod], forces=[strut]), tmp_path / "out.xml")
+    assert not report.loaded
+    assert "force 's'" in texts(report, "left out")

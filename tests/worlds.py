@@ -47,6 +47,8 @@ NEEDS: dict[str, dict[str, Any]] = {
         "distance": 0.3,
         "arm": 0.25,
     },
+    "rope": {"through": ["2", ("ground", (0, 0, 9))]},
+    "cable": {"through": ["2", ("ground", (0, 0, 9))]},
     "motion": {"q_of_t": {"kind": "sine"}},
     "rolling": {"radius": 1.0},
     "skate": {"axis": (0, 0, 1)},

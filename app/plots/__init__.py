@@ -109,6 +109,11 @@ def single(array: str) -> Callable[[pg.Result, str], tuple[Sequence[str], np.nda
     return lambda run, name: (("",), np.asarray(getattr(run, array)[name])[:, None])
 
 
+def of_cam(field: str) -> Callable[[pg.Result, str], tuple[Sequence[str], np.ndarray]]:
+    """Return a reader for a number of the contact of a cam."""
+    return lambda run, name: (("",), getattr(run.cams[name], field)[:, None])
+
+
 def limit(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
     """Return the torque or force of a limit along its coordinate."""
     return ("",), run.contacts.limit[name][:, None]
@@ -147,6 +152,8 @@ KINDS = {
     "drift": Kind("constraint drift", "m, m/s", drifts),
     "constraint_force": Kind("force of", "N", named("constraint_force", 3)),
     "constraint_torque": Kind("torque of", "N m", named("constraint_force", 0)),
+    "pressure_angle": Kind("pressure angle of", "rad", of_cam("pressure_angle")),
+    "normal_force": Kind("normal force of", "N", of_cam("normal_force")),
     "drive_force": Kind("torque or force of", "N m, N", single("drive_force")),
     "tension": Kind("tension of", "N", single("tension")),
     "path_length": Kind("length of", "m", single("path_length")),
@@ -163,7 +170,8 @@ OF_BODIES = (
 
 
 NOUNS = {
-    "constraint_force": ("constraint",), "contact_force": ("contact",), "drive_force": ("drive",),
+    "constraint_force": ("constraint",), "pressure_angle": ("cam",), "normal_force": ("cam",),
+    "contact_force": ("contact",), "drive_force": ("drive",),
 }  # fmt: skip
 PER = {"q": "", "v": "/s", "vdot": "/s²"}
 OF_JOINTS = tuple(PER)
@@ -223,6 +231,8 @@ def of_scene(run: pg.Result) -> list[Signal]:
         found.append(Signal("constraint_force", name))
         if kinds.get(name) != "point":  # a point transmits no torque
             found.append(Signal("constraint_torque", name))
+    for name in run.cams:
+        found += [Signal("pressure_angle", name), Signal("normal_force", name)]
     found += [Signal("drive_force", name) for name in run.drive_force]
     found += [Signal(kind, name) for name in run.tension for kind in ("tension", "path_length")]
     found += [Signal("limit", name) for name in run.contacts.limit]

@@ -203,7 +203,7 @@ def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:
     corners = bodies.extent([found[i] for i in k], positions[k], R[k])
     if names:
         return corners
-    joining = [found.ends.reshape(-1, 3) for found in marks.joinings(state, positions, R)]
+    joining = [found.ends.reshape(-1, 3) for found in marks.joinings(state, positions, R).values()]
     drawn = np.concatenate([corners, *joining, passed(state)])
     middle, up = (drawn.min(axis=0) + drawn.max(axis=0)) / 2, np.asarray(state.model.ground_normal)
     if ground(state) > 0:

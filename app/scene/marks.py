@@ -15,7 +15,9 @@ import pgraph_core as pg
 from pgraph_core.fields import GROUND
 from pgraph_core.forces import BetweenPoints, lines_of
 from pgraph_core.packing.cable_lines import Lying, cable_lines, cables_of
-from pgraph_core.rotation import frame_of
+from pgraph_core.result.bodies import body_poses
+from pgraph_core.result.cams import cam_record
+from pgraph_core.rotation import frame_of, unit_vector
 from pgraph_core.show import bodies, shapes
 from pgraph_core.show.bodies import Look
 from pgraph_core.show.stage import GRID
@@ -28,6 +30,7 @@ MOST_VALUES, LEAST_VALUE = 5, 0.02  # forces with a number, the least as a part 
 SITE = 0.09  # length of an axis of a site's frame over the body's size
 TURNING = ("revolute", "universal", "ball", "point")  # constraints that fix a point
 BRACKET = 0.15  # size of a pivot's bracket on the ground, relative to the body
+BEAD = 0.06  # diameter of the mark of a via point, of the grain
 THIN = 1e-3  # least thickness of a flat ellipsoid, relative to its largest semi-axis
 
 
@@ -252,17 +255,19 @@ def forces_of(state: State) -> tuple[pg.Force, ...]:
     return (*state.model.forces, *(force for some in chosen for force in some))
 
 
-def joinings(
-    state: State, positions: np.ndarray, R: np.ndarray
-) -> tuple[Joining, Joining, Joining]:
-    """Return springs, rods (distance constraints) and brackets of pivots on the ground."""
+def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> dict[str, Joining]:
+    """Return springs, rods (distance constraints), brackets of pivots on the ground, beads at the
+    via points of paths, and their obstacles: balls, and drums half as long as they are wide.
+    """
     model, number = state.model, {GROUND: 0, **state.derived.number}
     coils, threads = [], []
+    vias: dict[tuple[Any, ...], pg.Via] = {}
     at, turn = _places(number, positions, R)
     for f in forces_of(state):
         if isinstance(f, BetweenPoints) and all(name in number for name in (*f.pair, *f.touches)):
             for line, bent in lines_of(f, model.body(f.body), at, turn):
                 (threads if bent else coils).extend(itertools.pairwise(line))
+            vias |= {(via.body, via.point, via.radius, via.axis): via for via in f.via}
     for cable in _cables(model):
         for line in cable_lines(cable, at, turn):
             threads.extend(itertools.pairwise(line))
@@ -272,11 +277,23 @@ def joinings(
         if isinstance(c, pg.Distance) and c.active
     ]
     grain = state.derived.grain
-    return (
-        _between(coils, 0.07 * grain),
-        _between([*rods, *threads], 0.025 * grain),
-        pivots(state),
-    )
+    beads, balls, drums = [], [], []
+    for via in vias.values():
+        centre, half = at(via.body, via.point), via.radius or 0.5 * BEAD * grain
+        if via.axis is not None:
+            half = 0.5 * half * turn(via.body) @ unit_vector(via.axis)
+            drums.append((centre - half, centre + half, 2 * (via.radius or 0.0)))
+        else:
+            up = np.array([0.0, 0.0, half])
+            (balls if via.radius else beads).append((centre - up, centre + up, 2 * half))
+    return {
+        "springs": _between(coils, 0.07 * grain),
+        "rods": _between([*rods, *threads], 0.025 * grain),
+        "pivots": pivots(state),
+    } | {
+        kind: _between([ends for *ends, _ in found], [wide for *_, wide in found])
+        for kind, found in (("beads", beads), ("balls", balls), ("drums", drums))
+    }
 
 
 @lru_cache(maxsize=4)
@@ -326,14 +343,15 @@ def pivots(state: State) -> Joining:
     return Joining(between, between.mean(axis=1), wxyz, np.full((len(ends), 3), size))
 
 
-def _between(spans: Sequence[tuple[np.ndarray, np.ndarray]], wide: float) -> Joining:
-    """Return marks of a width along spans from point to point, world axes [m]."""
+def _between(spans: Sequence[Sequence[np.ndarray]], wide: float | Sequence[float]) -> Joining:
+    """Return marks of one width, or of one each, along spans from point to point [m]."""
     between = np.array(spans).reshape(-1, 2, 3)
     a, b = between.transpose(1, 0, 2)
     length = np.maximum(np.linalg.norm(b - a, axis=1), 1e-9)
     turns = [frame_of(way) if long > 1e-9 else np.eye(3)
              for way, long in zip((b - a) / length[:, None], length)]  # fmt: skip
-    size = np.stack((np.full(len(a), wide), np.full(len(a), wide), length), axis=1)
+    width = np.broadcast_to(wide, len(a))
+    size = np.stack((width, width, length), axis=1)
     return Joining(between, (a + b) / 2, shapes.to_wxyz(np.array(turns).reshape(-1, 3, 3)), size)
 
 
@@ -402,7 +420,13 @@ def pushes(state: State, positions: np.ndarray, R: np.ndarray) -> list[Push]:
     frame = min(int(np.searchsorted(result.t, state.playback.time)), len(result.t) - 1)
     found = []
     for c in model.constraints:
-        if c.name in result.constraint_force:
+        if c.name in result.constraint_force and isinstance(c, pg.Cam):
+            now = slice(frame, frame + 1)  # of a live run, which grows
+            pose, force = body_poses(result, now), result.constraint_force[c.name][now]
+            cam = cam_record(c, result.mechanism, result.q[now], pose, force)
+            of = "constraints", c.name
+            found.append(Push(cam.point[0], cam.force[0], tuple(c.touches), of))
+        elif c.name in result.constraint_force:
             k = d.number[c.body] - 1
             own = (x.point for x in c._places if x.body == c.body)  # of a rope
             at = positions[k] + R[k] @ np.asarray(next(own, model.point_of(c)))

@@ -19,9 +19,15 @@ INERTIA, POINT, CONE, PULL = (110, 80, 200), (220, 50, 40), (30, 160, 90), (230,
 TRACK = (92, 100, 110)
 METAL, LOAD, STEEL = (150, 158, 168), (214, 92, 40), (92, 100, 110)
 NOWHERE = np.zeros(3)
-NOTHING = (
-    marks.Joining(np.zeros((0, 2, 3)), np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3))),
-) * 3
+NOTHING = marks.Joining(np.zeros((0, 2, 3)), np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3)))
+JOINING = {  # kind: solid, colour, opacity
+    "springs": (shapes.coil, METAL, None),
+    "pivots": (shapes.bracket, STEEL, None),
+    "rods": (lambda: shapes.unit("cylinder"), METAL, None),
+    "beads": (lambda: shapes.unit("sphere"), STEEL, None),
+    "balls": (lambda: shapes.unit("sphere"), STEEL, 0.35),
+    "drums": (lambda: shapes.unit("cylinder"), STEEL, 0.35),
+}
 TRIAD = ((205, 45, 45), (45, 155, 60), (50, 90, 220))  # x, y, z
 
 
@@ -99,16 +105,15 @@ class Overlays:
     def _joining(
         self, state: State, positions: np.ndarray, wxyz: np.ndarray, gone: np.ndarray
     ) -> None:
-        """Draw springs, rods, brackets of pivots, and arrows for the applied forces."""
+        """Draw springs, rods, brackets of pivots, paths, and arrows for the applied forces."""
         on, R = "joining" in state.shown, shapes.to_matrix(wxyz)
-        springs, rods, pivots = marks.joinings(state, positions, R) if on else NOTHING
-        for kind, solid, found, color in (
-            ("springs", shapes.coil, springs, METAL), ("pivots", shapes.bracket, pivots, STEEL),
-            ("rods", lambda: shapes.unit("cylinder"), rods, METAL),
-        ):  # fmt: skip
+        there = marks.joinings(state, positions, R) if on else {}
+        for kind, (solid, color, opacity) in JOINING.items():
+            found = there.get(kind, NOTHING)
             self._batch(
-                kind, solid, found.at - gone, found.wxyz, found.size, color, None, shadow=True
-            )
+                kind, solid, found.at - gone, found.wxyz, found.size, color, opacity,
+                shadow=opacity is None,
+            )  # fmt: skip
         arrows = marks.loads(state, positions, R) if on else np.zeros((0, 2, 3))
         self._arrows("loads", (arrows - gone).astype(np.float32), state.derived.size, LOAD)
 

@@ -20,7 +20,7 @@ import math
 
 from ..tolerances import TINY
 from .compiler.elementary import atan2
-from .compiler.jit import part
+from .compiler.jit import part, sweep
 from .compiler.masks import larger
 from .records import INTEGER, REAL
 from .rows import (
@@ -36,7 +36,7 @@ from .vec import add, add_scaled, cross, dot, mul, scale, sub, xyz
 # shapes of stations, behind those of obstacles: a point, a wheel over which it slides, a wheel that
 # it grips
 EYE, WHEEL, GRIP = 3, 4, 5
-TURN = 2.0 * math.pi
+FULL_TURN = 2.0 * math.pi
 
 # of a wheel, beside the fields of an obstacle: its `radius` is signed, and from its `side`, in the
 # home axes of `frame`, the angle of the cable is counted
@@ -102,10 +102,10 @@ def straight(u, s, t, a, b):
 def turned(u, before, after, near):
     """Return the angle about u between directions, of all its values the nearest to `near`."""
     angle = atan2(dot(u, cross(before, after)), dot(before, after))
-    return angle + TURN * math.floor((near - angle) / TURN + 0.5)
+    return angle + FULL_TURN * math.floor((near - angle) / FULL_TURN + 0.5)
 
 
-@part
+@sweep
 def measured_group(vias, work, first, end):
     """Return (axis, length in the plane, way along the axis) of a group of stations."""
     u = axis_of_wheel(vias[wheel_of_group(vias, first)], work)
@@ -122,7 +122,7 @@ def measured_group(vias, work, first, end):
     return u, length, slides * dot(u, sub(a, begin))
 
 
-@part
+@sweep
 def wound_by(vias, work, q, n, u, d):
     """Return the signed length by which a cable turns on wheel n that it grips, seen from the body
     that carries the wheel, minus that by which the wheel turns."""
@@ -133,7 +133,7 @@ def wound_by(vias, work, q, n, u, d):
     return one.radius * (angle - one.gear * q[one.coordinate])
 
 
-@part
+@sweep
 def cable_length(vias, work, q, first, last):
     """Return the length of the segment between two stations, with what is wound on its wheels."""
     total = 0.0
@@ -163,7 +163,7 @@ def over_spans(use):
     and last point, and the unit vector from one to the other, world axes.
     """
 
-    @part
+    @sweep
     def all_spans(to, vias, work, first, last):
         total = 0.0
         begin = first
@@ -205,7 +205,7 @@ def closing(linear, vias, work, n, p, q, along):
 cable_rate = over_spans(closing)
 
 
-@part
+@sweep
 def first_span(vias, work, first, last):
     """Return (first point of a segment, unit vector along it there), world axes."""
     end = end_of_group(vias, first, last)
@@ -321,7 +321,7 @@ def moving_span(u, s, t, a, b):
     return by(inverse(square), ahead), length
 
 
-@part
+@sweep
 def moving_group(vias, work, linear, first, end):
     """Return the length of a group with derivatives."""
     k = wheel_of_group(vias, first)
@@ -343,7 +343,7 @@ def moving_group(vias, work, linear, first, end):
     return root(plus(times(length, length), times(rise, rise)))
 
 
-@part
+@sweep
 def winding_acceleration(vias, work, linear, n, first):
     """Return the second derivative of `wound_by` at the wheel n, of the span behind `first`."""
     one = vias[n]
@@ -361,7 +361,7 @@ def winding_acceleration(vias, work, linear, n, first):
     return one.radius * (angle[2] - dot(u[0], faster) - dot(u[1], spin))
 
 
-@part
+@sweep
 def cable_acceleration(vias, work, linear, first, last):
     """Return the second derivative of `cable_length`, from V' of the sweeps."""
     total = 0.0

@@ -68,6 +68,10 @@ class Cable(OnBody):
         default=0.0, ge=0, dim=N, help="tension in the initial state",
     )  # fmt: skip
 
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        return Pulley.from_body_to_body(body, other)
+
     @model_validator(mode="before")
     @classmethod
     def _ends(cls, data: Any) -> Any:

@@ -11,8 +11,9 @@ import numpy as np
 
 from ..errors import choices, needed, shown
 from ..fields import GROUND
-from ..forces import Via
+from ..forces import Strut, Via
 from ..forces.bushing import Bushing
+from ..forces.strut import Lines
 from ..model import Actuator, Drag, Force, Motor, Servo, SpeedServo, Spring, Tendon, Wrench
 from ..rotation import matrix, unit
 from .conversion import NO_LIMIT, unused
@@ -226,14 +227,19 @@ class Forces:
                     "tendon", name, "a tendon with armature, or not linear or elastic"
                 )
                 continue
-            shortest, longest = (float(x) for x in m.tendon_lengthspring[t])
-            if m.tendon_stiffness[t] and shortest != longest:
-                self.reader.left_out("tendon", name, "a tendon with a slack range of its spring")
-                continue
             sums = self._along_joints(t)
-            made = self._over_sites(t, name) if sums is None else self._tendon(t, name, sums)
-            if made is not None:
-                yield made
+            if sums is None:
+                yield from self._over_sites(t, name)
+            elif self._slack(t):
+                text = "a tendon along joints with a slack range of its spring"
+                self.reader.left_out("tendon", name, text)
+            else:
+                yield self._tendon(t, name, sums)
+
+    def _slack(self, t: int) -> bool:
+        """Check whether the spring of a tendon has a range of lengths without force."""
+        shortest, longest = self.m.tendon_lengthspring[t]
+        return bool(self.m.tendon_stiffness[t]) and shortest != longest
 
     def _used_tendons(self) -> set[int]:
         """Return the tendons used by actuators and equalities."""
@@ -261,25 +267,28 @@ class Forces:
         found = {"low": low, "high": high}
         return {key: end for key, end in found.items() if abs(end) < NO_LIMIT}
 
-    def _over_sites(self, t: int, name: str) -> Spring | None:
-        """Create a spring for a tendon over sites and around geoms."""
+    def _over_sites(self, t: int, name: str) -> Iterator[Spring | Strut]:
+        """Yield a spring for a tendon over sites and around geoms.
+
+        One with a slack range is a strut, with a spring beside it if the length has limits.
+        """
         m, first = self.m, int(self.m.tendon_adr[t])
         parts = range(first, first + int(m.tendon_num[t]))
         if text := self._unlike_path(t, parts):
             self.reader.left_out("tendon", name, text)
-            return None
+            return
         places = list[Via]()
         for w in parts:
             one = self._site(w) if m.wrap_type[w] == SITE else self._obstacle(w)
             places += [one] if one not in places[-1:] else []
         if len({place.body for place in places}) == 1:
-            return None
+            return
         if places[0].body == GROUND:
             places.reverse()
         start, *via, end = places
         if start.body == GROUND:
             self.reader.left_out("tendon", name, "a tendon with both ends on the ground")
-            return None
+            return
         ends = {k: end for k, end in self._ends(t, name).items() if k == "high" or end > 0}
         if via and ends:
             text = (
@@ -287,11 +296,20 @@ class Forces:
             )
             self.reader.left_out("tendon", name, text)
             ends = {}
-        return Spring(
-            name=name, body=start.body, other=end.body, point=start.point, other_point=end.point,
-            via=via, stiffness=float(m.tendon_stiffness[t]), damping=float(m.tendon_damping[t]),
-            rest=float(m.tendon_lengthspring[t, 0]), **ends,
-        )  # fmt: skip
+        stiffness, damping = float(m.tendon_stiffness[t]), float(m.tendon_damping[t])
+        path: dict[str, Any] = {
+            "body": start.body, "other": end.body, "point": start.point,
+            "other_point": end.point, "via": via,
+        }  # fmt: skip
+        if not self._slack(t):
+            rest = float(m.tendon_lengthspring[t, 0])
+            yield Spring(name=name, stiffness=stiffness, damping=damping, rest=rest, **path, **ends)
+            return
+        damper = Lines(x=(0.0, 1.0), value=(0.0, damping)) if damping else None
+        shortest, longest = m.tendon_lengthspring[t].tolist()
+        yield Strut(name=name, spring=slack(stiffness, shortest, longest), damper=damper, **path)
+        if ends:
+            yield Spring(name=f"limits of {name}", rest=longest, **path, **ends)
 
     def _unlike_path(self, t: int, parts: Sequence[int]) -> str:
         """Return a text about what a spring along a path cannot be of a tendon, or ""."""
@@ -507,6 +525,14 @@ class Forces:
                 point=tuple((m.body_ipos[b] - self.reader.pivot[b]).tolist()),
                 density=float(m.opt.density), viscosity=float(m.opt.viscosity),
             )  # fmt: skip
+
+
+def slack(stiffness: float, shortest: float, longest: float) -> Lines:
+    """Return the table of a spring that acts below one length and above another [m]."""
+    x, value = (longest, 2.0 * longest), (0.0, stiffness * longest)
+    if shortest > 0.0:
+        x, value = (shortest, *x), (0.0, *value)
+    return Lines(x=(0.0, *x), value=(-stiffness * shortest, *value))
 
 
 def within_margin(

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ..forces import OnJoint, Via, ends_of, path_of
+from ..forces import OnJoint, Strut, Via, ends_of, path_of
+from ..forces.strut import bends
 from ..model import Body, Drag, Model, Spring, Tendon, Wrench
 from ..rotation import frame_of, matrix, quaternion_of, unit, unit_vector
+from ..tolerances import SOLVED
 from .mjcf_parts import end_name
 from .mjcf_places_out import Places, span
 from .urdf_out import Tag
@@ -29,11 +31,16 @@ class ForcesOut(Places):
         """Write springs and tendons."""
         for f in self.model.forces:
             if isinstance(f, Spring) and not f._varies:
-                self._spring(f)
+                limits = {"range": span(f.low or 0.0, f.high)} if any(ends_of(f)) else {}
+                numbers = {"stiffness": f.stiffness, "damping": f.damping}
+                self._spatial(f, **numbers, springlength=self.rests[f.name], **limits)
+            elif isinstance(f, Strut) and (numbers := of_strut(f)):
+                self._spatial(f, **numbers)
             elif isinstance(f, Tendon):
                 self._tendon(f)
 
-    def _spring(self, f: Spring) -> None:
+    def _spatial(self, f: Spring | Strut, **given: Any) -> None:
+        """Write the tendon of a force along a path."""
         body = self.model.body(f.body)
         start, *_, end = path_of(f, body)
         places = [(None, start), *((via, (via.body, via.point)) for via in f.via), (None, end)]
@@ -41,9 +48,7 @@ class ForcesOut(Places):
             self._element(end_name(f.name, k), via, *place)
             for k, (via, place) in enumerate(places, start=1)
         ]
-        name, pull = self._free("tendon", f.name), {"stiffness": f.stiffness, "damping": f.damping}
-        limits = {"range": span(f.low or 0.0, f.high)} if any(ends_of(f)) else {}
-        tendon = Tag("spatial", name=name, **pull, springlength=self.rests[f.name], **limits)
+        tendon = Tag("spatial", name=self._free("tendon", f.name), **given)
         self.tendons.append(tendon.add(*elements))
 
     def _element(self, name: str, via: Via | None, body: str, point: Any) -> Tag:
@@ -101,7 +106,9 @@ class ForcesOut(Places):
                 yield from self._actuator(f, where)
             elif f._varies:
                 self.out(where, f"an expression in a {f.kind}")
-            elif not isinstance(f, (Spring, Tendon, Drag)):
+            elif isinstance(f, Strut) and not of_strut(f):
+                self.out(where, "a strut by other tables than those of a spring or of a rope")
+            elif not isinstance(f, (Spring, Strut, Tendon, Drag)):
                 self.out(where, f"a {f.kind}")
 
     def _actuator(self, f: OnJoint, where: str) -> Iterator[Tag]:
@@ -175,6 +182,37 @@ class _Ungeared:
 
     def __init__(self, f: OnJoint):
         self.terms = tuple((name, k, x / f.gear) for name, k, x in f.terms)
+
+
+def of_strut(f: Strut) -> dict[str, Any]:
+    """Return the numbers of the tendon that a strut is, or {} if none is.
+
+    A tendon has one stiffness, up to a length and from another one on, and one damping.
+    """
+    (x, force, slope), turns = bends(f.spring)
+    (still, drag, damping), others = bends(f.damper)
+    if f.bump_stiffness or len(others) or drag != damping * still:
+        return {}
+    slopes = np.append(slope, slope + np.cumsum(turns[:, 1]))
+    stiffness = float(slopes.max())
+    flat, steep = (np.abs(slopes - k) <= SOLVED * stiffness for k in (0.0, stiffness))
+    if stiffness < 0.0 or damping < 0.0 or not (flat | steep).all():
+        return {}
+    knots = [at for at, turn in turns.tolist() if abs(turn) > SOLVED * stiffness]
+    if stiffness == 0.0:
+        ends = () if force == 0.0 else None
+    elif steep.all():
+        rest = x - force / stiffness
+        ends = (rest,) if rest >= 0.0 else None
+    elif flat[0]:  # from the only knot on
+        ends = (0.0, knots[0]) if force == 0.0 and len(knots) == 1 else None
+    else:
+        rests = abs(force - stiffness * (x - knots[0])) <= SOLVED * stiffness * abs(knots[0])
+        ends = (knots[0], knots[1]) if rests and len(knots) == 2 else None
+    if ends is None:
+        return {}
+    lengths = {"springlength": ends} if ends else {}
+    return {"stiffness": stiffness, "damping": damping, **lengths}
 
 
 def _own_box(f: Drag, body: Body) -> bool:

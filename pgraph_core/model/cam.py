@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..cams import (
     Follower,
     Rule,
     enough,
+    extruded,
     lowest,
     outline,
     pieces_of,
@@ -31,8 +33,10 @@ from ..tolerances import NOTABLE
 from ..units import RAD, M
 from .body import Body
 from .constraint import KIND, OfTwo, first_q
+from .files import write_atomic
 
 FEWEST = 3  # points of a polygon
+STL_HEAD = 80  # bytes before the number of triangles
 
 
 def _which(value: Any) -> str:
@@ -331,6 +335,46 @@ class Cam(OfTwo):
         found = outline(self.rule, self.lift, points)
         place = np.add(cam.link, np.column_stack((found.real, found.imag)) @ turned[:, :2].T)
         return (place - follower.link) @ own
+
+    def write_stl(self, path: str | Path, width: float, model: Any, points: int = 720) -> None:
+        """Write the cam as a solid in the axes of its body [m], for a mesh shape or a workshop.
+
+        Parameters
+        ----------
+        path : str or Path
+            The STL file.
+        width : float
+            The width along the axis of the cam [m], half of it to either side of the body's origin.
+        model : Model
+            The model of the cam.
+        points : int
+            The number of points of the profile.
+
+        Raises
+        ------
+        InputError
+            If the width is not positive, or if the axis of the cam does not see its whole profile.
+
+        Examples
+        --------
+        >>> cam.write_stl("cam.stl", 0.01, model)  # doctest: +SKIP
+        >>> solid = pg.Shape(kind="mesh", file="cam.stl")  # doctest: +SKIP
+        """
+        if not width > 0.0:
+            text = f"must be a length > 0 [m], got {shown(width)}"
+            raise InputError(Problem("write_stl", "width", text))
+        axis = self.plane({b.name: b for b in model.bodies})[:, 2]
+        found = extruded(self.profile(model, points), width * axis)
+        if found is None:
+            text = f"of '{self.name}' has a part that its axis does not see, and no solid is made "
+            raise InputError(Problem("write_stl", "profile", text + "of it; use cam.profile()"))
+        found = found - 0.5 * width * axis
+        normals = np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0])
+        rows = np.zeros(len(found), [("numbers", "<f4", (4, 3)), ("attribute", "<u2")])
+        size = np.linalg.norm(normals, axis=1, keepdims=True)
+        rows["numbers"] = np.concatenate(((normals / size)[:, None], found), axis=1)
+        head = b"Pgraph".ljust(STL_HEAD, b" ") + np.uint32(len(found)).tobytes()
+        write_atomic(path, head + rows.tobytes())
 
     # -- as a constraint -----------------------------------------------------------------------
 

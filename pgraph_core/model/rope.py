@@ -49,6 +49,10 @@ class Rope(Constraint):
         default=None, gt=0, dim=M, help="length between its ends; default: as in the initial state",
     )  # fmt: skip
 
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        return Pulley.from_body_to_body(body, other)
+
     @model_validator(mode="before")
     @classmethod
     def _ends(cls, data: Any) -> Any:

@@ -113,9 +113,11 @@ def _hinge(name: str, at_: Any, model: Any) -> Hinge | None:
     """Return the hinge about which a body turns, also if it is fixed to one that does."""
     while name != GROUND and not (body := model.body(name)).sequence:
         name = body.parent
-    if name == GROUND or [m.kind for m in body.sequence] != ["rotate"]:
+    motions = () if name == GROUND else body.sequence
+    facts = [m.facts for m in motions]
+    if not (len(facts) == 1 and facts[0].single and facts[0].turns and not facts[0].travels):
         return None
-    axis = at_.turn_at_start(name) @ unit_vector(body.sequence[0].axis)
+    axis = at_.turn_at_start(name) @ unit_vector(motions[0].axis)
     return Hinge(name, at_.at_start(name, (0.0, 0.0, 0.0)), axis)
 
 

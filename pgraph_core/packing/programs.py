@@ -21,7 +21,7 @@ from ..engine.stepping.measured import (
     OF_INPUT,
     OF_LENGTH,
     OF_SPEED,
-    PATH,
+    TENSION,
     TOUCH,
 )
 from ..fields import EMPTY
@@ -422,7 +422,7 @@ def locate_forces(code: Array, first: Sequence[int], pairs: Sequence[int]) -> No
         if code[i, MEASURE.what] < CONTACT:
             begin, end = first[n : n + 2] if n + 1 < len(first) else (0, 0)
             code[i, MEASURE.first], code[i, MEASURE.count] = begin, end - begin
-        elif code[i, MEASURE.what] < PATH:
+        elif code[i, MEASURE.what] < TENSION:
             own = [k for k, number in enumerate(pairs) if number == n]
             code[i, MEASURE.first], code[i, MEASURE.count] = min(own, default=0), len(own)
 

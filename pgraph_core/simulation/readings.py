@@ -17,6 +17,7 @@ from ..packing.forces import drive_forces
 from ..packing.signals import values_of
 from ..portable import Snapshots
 from ..result.bodies import add_constraint_wrenches
+from ..result.cams import CamRecord, cam_record
 from ..result.records import OF_CONSTRAINTS, OF_DRIVES, ByTouch, Named
 from .loop import Steps
 from .recording import Recording
@@ -130,6 +131,18 @@ class Readings(Snapshots):
         record = self._seen()
         wrenches = record.out.wrenches[0, :, -kernels.MEANS :].copy()
         return Named(record.scene.forces(wrenches), *OF_CONSTRAINTS)
+
+    @property
+    def cams(self) -> Mapping[str, CamRecord]:
+        """The contact of each cam: numbers `pressure_angle` and `normal_force`, as in `Result`."""
+        forces = self.constraint_force
+        out = self._seen().out
+        q, none = out.q[:1, : self.mech.nq], np.zeros((1, self.mech.nb, 6))
+        pose = bodies_over(self.mech.packed.system, out.q[:1], out.v[:1], out.vdot[:1], none).pose
+        each = {c.name: cam_record(c, self.mech, q, pose, forces[c.name][None])
+                for c in self.mech.model.cams if c.name in forces}  # fmt: skip
+        found = {name: CamRecord(*(x[0] for x in one)) for name, one in each.items()}
+        return Named(found, "cams", "cam")
 
     @property
     def drive_force(self) -> Mapping[str, float]:

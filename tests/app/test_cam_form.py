@@ -7,9 +7,12 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.constraints.view import constraints
+from pgraph_app.plots import Signal, curves, of_scene
+from pgraph_app.pose import poses
 from pgraph_app.scene import marks
+from pgraph_core.show import shapes
 
-from .store import ME, after, begun, do, reply
+from .store import ME, after, begun, do, ran, reply
 
 BODIES = (
     pg.Body(name="cam", axes=[(0, 1, 0)]),
@@ -115,3 +118,18 @@ def test_a_profile_and_a_roller_are_drawn_on_their_bodies():
     assert lines[numbers[0]][:, 0] == pytest.approx(cam.profile(state.model))
     circle = lines[numbers[1]][:, 0]
     assert np.linalg.norm(circle - circle.mean(axis=0), axis=1) == pytest.approx(cam.roller_radius)
+
+
+def test_the_force_is_drawn_at_the_contact_and_plotted():
+    state = typed(added(), "follower", "roller")
+    model = state.model.remove("arm").edit("cam", v=10.0, inertia=(0.1, 0.1, 0.1))
+    run = pg.simulate(model, t_end=0.3, frames=31, estimate=False)
+    state = ran(begun(model), run)
+    positions, wxyz = poses(state)
+    (push,) = marks.pushes(state, positions, shapes.to_matrix(wxyz))
+    assert push.at == pytest.approx(run.cams["cam"].point[0])
+    signals = [Signal("pressure_angle", "cam"), Signal("normal_force", "cam")]
+    assert [one for one in of_scene(run) if one.of == "cam"][-2:] == signals
+    angle, force = (curves(run, one)[0] for one in signals)
+    assert (angle.unit, force.unit) == ("rad", "N")
+    assert max(force.y) == pytest.approx(run.cams["cam"].normal_force.max())

@@ -226,7 +226,7 @@ def test_a_drive_that_gets_a_second_body_keeps_its_own(kind, coordinate):
 def pulls(state):
     """The length of the path that the page shows [m]."""
     d = state.derived
-    springs, _, _ = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))
+    springs = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))["springs"]
     return np.linalg.norm(springs.ends[:, 0] - springs.ends[:, 1], axis=1).sum()
 
 
@@ -245,7 +245,7 @@ def test_via_points_are_added_typed_drawn_and_taken_out(state, kind):
     (line,) = next(x for x in shown(state)["lists"] if x["part"] == "forces")["items"]
     assert line["between"] == "3, 2, ground, 1"
     d = state.derived
-    ends = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))[0].ends
+    ends = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))["springs"].ends
     assert len(ends) == 3
     np.testing.assert_allclose(ends[1:, 0], ends[:-1, 1])
     np.testing.assert_allclose(ends[1, 1], two.point)
@@ -280,6 +280,30 @@ def test_a_pick_for_an_obstacle_fills_the_row_that_it_was_asked_for(state, field
     (via,) = taken(state, ME, aim, spot).model.forces[0].via
     picked = (0.0, 1.0, 0.0) if field == "axis" else (0.1, 0.2, 0.3)
     assert via == old.model_copy(update={field: picked})
+
+
+def test_via_points_have_beads_and_obstacles_are_drawn_once(state):
+    state = edit(add(state, "forces", "spring", "3", "1"), "forces", "spring", "via", ((), "2"))
+    for body in ("1", "2"):
+        state = edit(state, "forces", "spring", "via", ((), body))
+    state = edit(state, "forces", "spring", "via", ((0, 2), "0.05"))
+    state = edit(state, "forces", "spring", "via", ((0, 3, 0), "0"), ((0, 3, 1), "2"))
+    state = edit(state, "forces", "spring", "via", ((2, 2), "0.07"))
+    state = after(state, do.DuplicatePart(ME, "forces", "spring"))
+    d = state.derived
+    found = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))
+    assert [len(found[kind].at) for kind in ("beads", "balls", "drums")] == [1, 1, 1]
+    drum, ball, bead = (found[kind] for kind in ("drums", "balls", "beads"))
+    assert drum.size[0] == pytest.approx([0.1, 0.1, 0.05])  # half as long as it is wide
+    assert ball.size[0] == pytest.approx([0.14] * 3)
+    R = shapes.to_matrix(d.wxyz)[d.number["2"] - 1]
+    way = drum.ends[0, 1] - drum.ends[0, 0]
+    assert way == pytest.approx(0.05 * R[:, 1])
+    vias = state.model.forces[0].via
+    at = places.at_home(d.names, d.positions, d.wxyz)
+    for one, via in zip((drum, bead, ball), vias):
+        p, turn = at[via.body]
+        assert one.at[0] == pytest.approx(p + turn @ via.point)
 
 
 def test_a_via_point_gets_another_body_where_it_is(state):

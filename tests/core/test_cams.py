@@ -37,7 +37,7 @@ FOLLOWERS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-def turn(law: str = "3-4-5", lift: float = H) -> list[pg.CamSegment]:
+def turn(law: Any = "3-4-5", lift: float = H) -> list[pg.CamSegment]:
     """Up within 90 degrees, there for 60, down within 110, and rest."""
     return [
         pg.CamSegment(lift=lift, angle=BETA, law=law),
@@ -152,12 +152,12 @@ class Seen:
     def __init__(self, cam: pg.Cam):
         self.cam, self.model = cam, machine(cam)
         self.mech = pg.Mechanism(self.model)
-        at, R = self.mech.pose((0.0, 0.0), "follower")
+        at, R = self.mech.pose(np.zeros(2), "follower")
         self.own = R.T @ (touching_point(cam) - at)
 
     def at(self, angle: float) -> tuple[np.ndarray, np.ndarray]:
         """The point that touches, or is the centre of a roller, and the normal of a face."""
-        q = (angle, float(values(self.cam.lift, np.array([angle]))[0][0]))
+        q = np.array([angle, values(self.cam.lift, np.array([angle]))[0][0]])
         (place, R), (origin, T) = (self.mech.pose(q, name) for name in ("follower", "cam"))
         normal = np.array([0.0, 0.0, 1.0])
         if self.cam.distance is not None:  # across the face, which leads through the joint
@@ -200,7 +200,8 @@ def test_pressure_angles_are_those_of_the_drawn_profile(name):
         tangent = weights @ (np.exp(-1j * angle) * found.contact)[[0, 1, 3, 4]] / h
         normal = 1j * tangent / abs(tangent) * np.exp(1j * middle)
         seen = Seen(cam)
-        turned = [seen.mech.pose((0.0, y), "follower") for y in values(cam.lift, angle)[0]]
+        lifts = values(cam.lift, angle)[0]
+        turned = [seen.mech.pose(np.array([0.0, y]), "follower") for y in lifts]
         x_axis, y_axis = np.array([-1.0, 0, 0]), np.array([0.0, 0, 1])
         own = seen.own  # the centre of a roller, or what is at the point of contact
         if cam.follower == "flat":
@@ -425,3 +426,89 @@ def test_the_face_of_a_follower_is_where_it_touches(name):
             assert -1e-6 < share < 1 + 1e-6
         else:
             assert np.linalg.norm(face - own, axis=1).min() < 1e-5 + 1e-3 * (cam.roller_radius or 0)
+
+
+def closed_form(law: str, u: np.ndarray) -> tuple[np.ndarray, ...]:
+    """The lift of a rise by 1 within 1 and its derivatives, as Norton's handbook has them."""
+    if law in ("3-4-5", "4-5-6-7"):
+        powers = {"3-4-5": {3: 10, 4: -15, 5: 6}, "4-5-6-7": {4: 35, 5: -84, 6: 70, 7: -20}}[law]
+        f = np.polynomial.Polynomial([powers.get(k, 0) for k in range(8)])
+        return f(u), f.deriv(1)(u), f.deriv(2)(u)
+    pi, sin, cos = math.pi, np.sin, np.cos
+    if law == "cycloidal":
+        return u - sin(2 * pi * u) / (2 * pi), 1 - cos(2 * pi * u), 2 * pi * sin(2 * pi * u)
+    c, x = pi / (4 + pi), 4 * pi * u
+    parts = (u < 1 / 8, u <= 7 / 8)
+    y = (pi + x) / 3
+    f = np.select(parts, (u - sin(x) / (4 * pi), 2 / pi + u - 9 / (4 * pi) * sin(y)),
+                  4 / pi + u - sin(x) / (4 * pi))  # fmt: skip
+    slope = np.select(parts, (1 - cos(x), 1 - 3 * cos(y)), 1 - cos(x))
+    bend = np.select(parts, (4 * pi * sin(x), 4 * pi * sin(y)), 4 * pi * sin(x))
+    return c * f, c * slope, c * bend
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_law_follows_its_formula(law):
+    u = np.linspace(0.0, 1.0, 10001)[1:-1]
+    cam = made(motion=turn(law))
+    for k, (found, known) in enumerate(zip(values(cam.lift, BETA * u), closed_form(law, u))):
+        size = H / BETA**k
+        assert found == pytest.approx(size * known, abs=1e-12 * size)
+
+
+def test_a_stepper_reads_the_contact():
+    model = machine(made("turning roller"), driven=False, v=(20.0,))
+    stepper = pg.Stepper(model, method="rk4", step=1e-3)
+    for _ in range(20):
+        stepper.step()
+    run = pg.simulate(model, t_end=0.02, method="rk4", step=1e-3, frames=2, estimate=False)
+    found, known = stepper.cams["lift"], run.cams["lift"]
+    for name in ("pressure_angle", "normal_force"):
+        assert getattr(found, name) == pytest.approx(getattr(known, name)[-1], rel=1e-12)
+
+
+@pytest.mark.parametrize("writer", ["to_mjcf", "to_urdf"])
+def test_writers_name_the_loss_of_a_cam(writer, tmp_path):
+    write = {"to_mjcf": pg.write_mjcf, "to_urdf": pg.write_urdf}[writer]
+    report = write(machine(made()), tmp_path / f"cam.{writer[3:]}")
+    assert any("'lift'" in str(row) and "cam" in str(row) for row in str(report).splitlines())
+
+
+@pytest.mark.parametrize("name", ["roller", "flat", "turning roller"])
+def test_a_solid_has_the_area_of_the_profile_and_gives_the_body_its_mass(name, tmp_path):
+    import trimesh
+
+    cam = made(name)
+    model = machine(cam)
+    cam.write_stl(tmp_path / "cam.stl", 0.01, model)
+    solid = trimesh.load(tmp_path / "cam.stl")
+    (x, y), (x1, y1) = cam.profile().T, np.roll(cam.profile(), -1, axis=0).T
+    area = 0.5 * (x * y1 - y * x1).sum()
+    assert solid.is_watertight
+    assert solid.volume == pytest.approx(0.01 * area, rel=1e-6)  # of single precision
+    shape = pg.Shape(kind="mesh", file=str(tmp_path / "cam.stl"))
+    shaft = pg.Body(name="cam", axes=[(0, 1, 0)], shape=shape, density=7800.0)
+    assert shaft.mass == pytest.approx(78.0 * area, rel=1e-6)
+    with pytest.raises(pg.InputError, match="width"):
+        cam.write_stl(tmp_path / "cam.stl", 0.0, model)
+
+
+def test_points_over_a_turn_that_is_rounded_repeat_without_a_jump():
+    x = (0.0, 2.0, 4.0, 6.28318)
+    cam = made(motion=pg.Curve(x=x, value=(0.0, 0.01, 0.02, 0.0), kind="periodic"))
+    before, after = (values(cam.lift, np.array([2 * math.pi + k * 1e-12])) for k in (-1, 1))
+    for a, b in zip(before, after):
+        assert a == pytest.approx(b, abs=1e-12)
+
+
+def test_a_saved_run_has_the_contact(tmp_path):
+    run = pg.simulate(machine(made("roller")), t_end=0.05, frames=6, estimate=False)
+    run.save(tmp_path / "run.npz")
+    again = pg.Result.load(tmp_path / "run.npz")
+    assert again.cams["lift"].normal_force == pytest.approx(run.cams["lift"].normal_force)
+
+
+@pytest.mark.parametrize("points", [2, 0, 7.5])
+def test_a_profile_has_three_points_or_more(points):
+    with pytest.raises(pg.InputError, match="3 or more"):
+        made().profile(points=points)

@@ -85,6 +85,27 @@ PARTS = {
         other="r",
         curve=pg.Curve(x=(-0.2, 0.1, 0.4, 1.1), value=(0.0, 0.1, 0.5, 1.4), kind="quintic"),
     ),
+    "cam": pg.Cam(
+        name="x",
+        body="k",
+        other="r",
+        distance=0.3,
+        arm=0.25,
+        base_radius=0.1,
+        phase=0.05,
+        motion=[{"lift": 0.4, "angle": 1.3}, {"lift": 0.0, "angle": 2.0}, {"lift": 0.0}],
+    ),
+    "cam by points": pg.Cam(
+        name="x",
+        body="k",
+        other="r",
+        distance=0.3,
+        arm=0.25,
+        base_radius=0.1,
+        motion=pg.Curve(
+            x=np.arange(6) * np.pi / 2.5, value=(0, 0.2, 0.3, 0.2, 0.1, 0), kind="periodic"
+        ),
+    ),
     "pid": pg.PID(name="x", signal="=q.r", setpoint=1.0, filter=0.05),
     "full pid": pg.PID(
         name="x", signal="=q.r", setpoint=1.0, kp=3.0, ki=2.0, kd=0.1, filter=0.05, start=0.2
@@ -99,13 +120,14 @@ PARTS = {
 
 def made(name):
     part, bodies = PARTS[name], ARMS
+    if isinstance(part, pg.Cam):  # whose joints are side by side
+        bodies = ARMS[0], arm("k", link=(0.3, 0, 0), v=(3.0,))
     if isinstance(part, dict):
         return pg.Model(bodies=[arm(**part), ARMS[1]])
     if isinstance(part, (pg.PID, pg.Filter, pg.State)):
         drive = pg.Motor(name="drive", body="r", torque="=x.x")
         return pg.Model(bodies=bodies, controls=[part], forces=[drive])
-    laws = (pg.Coupling, pg.Velocity, pg.Motion, pg.Distance, pg.Plane, pg.Gear, pg.Relation)
-    kind = "constraints" if isinstance(part, laws) else "forces"
+    kind = "constraints" if isinstance(part, pg.Constraint) else "forces"
     return pg.Model(bodies=bodies, **{kind: [part]})
 
 

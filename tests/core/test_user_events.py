@@ -337,10 +337,12 @@ def test_a_zero_exactly_at_a_limit_is_one_event_for_each_hit(method, e):
         events = [crossing(limit, direction=way) for way in (0, 1, -1)]
         events.append(lambda t, q, v: v[0])  # it jumps there, to or through zero
         model = pg.Model(bodies=[body], gravity=(0, 0, 0))
+        # time stepping meets the limit a closed gap before it, which is 2e-8 here
+        near = 2e-8 / 1.7 if method == "moreau_jean" else 1e-9
         for step in (0.1, 0.013):
             run = pg.simulate(model, t_end=0.9, step=step, method=method, events=events)
             assert [event.number for event in run.user_events] == [0, 1, 3]
-            assert [e.t for e in run.user_events] == pytest.approx([0.7 / 1.7] * 3, abs=1e-9)
+            assert [e.t for e in run.user_events] == pytest.approx([0.7 / 1.7] * 3, abs=near)
 
 
 @pytest.mark.parametrize("given", [{}, {"rtol": 1e-8}, {"method": "rk4", "step": 5e-3}])

@@ -24,8 +24,8 @@ from ..rows import origin_of, rotation_of
 from ..vec import add_scaled, cross, dot, load, mul, mul_t, scale, store, sub
 
 AXES = 3  # rows of a piece, one for each coordinate of the curve
-PARTS = 8  # places in each piece from which the nearest point is sought
-MOST_STEPS = 32  # of a search from one place: more are needed beside no regular curve
+PLACES_TRIED = 8  # places in each piece from which the nearest point is sought
+MOST_DESCENTS = 32  # of a search from one place: more are needed beside no regular curve
 LAST_STEPS = 2  # after them the error of the first beginning is below rounding
 
 
@@ -61,8 +61,8 @@ def sought(curves, first, count, x):
     found = 0.0 * x[0]
     for n in range(count // AXES):
         begin = curves[first + AXES * n, at.PIECE_AT]
-        part_width = (curves[first + AXES * (n + 1), at.PIECE_AT] - begin) / PARTS
-        for k in range(PARTS):
+        part_width = (curves[first + AXES * (n + 1), at.PIECE_AT] - begin) / PLACES_TRIED
+        for k in range(PLACES_TRIED):
             s = begin + (k + 0.5) * part_width
             place, slope, _ = curve_at(curves, first, count, s)
             apart = sub(x, place)
@@ -79,7 +79,7 @@ def sought(curves, first, count, x):
 @sweep
 def descended(curves, first, count, x, s, grain):
     """Return the coordinate of the nearest point around s, to about the square of `grain`."""
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_DESCENTS):
         step = step_along(curves, first, count, x, s)
         s = s + step
         if abs(step) <= grain:

@@ -42,7 +42,7 @@ OF_STRUTS, OF_CABLES = 0, 1
 BOUND, BEND = -1, -2
 TOUCH = -3  # the least gap of soft and penalty contacts that are open
 CONSTRAINT, CONTACT = 4, 8
-PATH = 12  # the tension in row `first` of all loads along paths
+TENSION = 12  # the tension in row `first` of all loads along paths
 LENGTH_RATE = 5  # column in the row of a length
 GAP_RANGE = 5  # column in the row of a gap: larger gaps are not sought [m]
 KINK_COLUMN = 3  # column of a comparison: the value at which a force has a kink
@@ -78,7 +78,7 @@ def measure(scene, accelerate, t, q, v, vdot, flow, forces):
     code = data.loads.signals[0]
     for i in range(0, code.shape[0], 2):
         what = int(code[i, MEASURE.what])
-        if code[i, 0] == NUMBER and what == PATH:
+        if code[i, 0] == NUMBER and what == TENSION:
             row, linear = int(code[i, MEASURE.first]), data.space.linear
             code[i, MEASURE.value] = tension_of_load(data.loads, data.work, linear, q, t, row)
         elif code[i, 0] == NUMBER and what >= CONSTRAINT:
