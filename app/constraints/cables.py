@@ -91,6 +91,20 @@ def _round(shape: pg.Shape, axis: np.ndarray) -> tuple[Vector, float] | None:
     return (x, y, z), float(shape.radius)
 
 
+def bare(model: pg.Model, through: Sequence[pg.Pulley]) -> list[tuple[pg.Pulley, Any]]:
+    """Return the wheels that no round shape shows, each with its axis (3,) in its body's axes."""
+    found = []
+    for one in through:
+        axis = _axis(model, {"body": one.body, "axis": one.axis}) if one.radius else None
+        if axis is None:
+            continue
+        axis = unit_vector(axis)
+        shapes = () if one.body == GROUND else model.body(one.body).shapes
+        if (one.point, one.radius) not in (_round(shape, axis) for shape in shapes):
+            found.append((one, axis))
+    return found
+
+
 class Lie(NamedTuple):
     """A station in the initial state, in world axes."""
 

@@ -134,7 +134,7 @@ def test_a_hook_hangs_upright_from_a_drum(x, order):
     state = led(model, *("winch", "hook")[::order])
     assert lies(state)
     d = state.derived
-    _, threads, _ = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))
+    threads = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))["rods"]
     np.testing.assert_allclose(threads.ends[0, :, 0], x, atol=1e-12)  # a vertical span
 
 
@@ -147,7 +147,7 @@ def test_a_point_of_the_ground_is_above_the_block_that_hangs_on_it():
     assert part(state).through[0].point == (-0.1, 0.0, 2.0)
     assert lies(state)
     d = state.derived
-    _, threads, _ = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))
+    threads = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))["rods"]
     assert {round(x, 9) for x in threads.ends[[0, -1], 0, 0]} == {-0.1, 0.3}
 
 
@@ -224,7 +224,7 @@ def test_what_cannot_lie_says_so_at_its_rows_and_is_not_drawn():
     assert "give side=1" in first["note"]
     assert "bad" not in rows(edit(other, ((0, 4), "1")))[0]
     d = other.derived
-    _, threads, _ = marks.joinings(other, d.positions, shapes.to_matrix(d.wxyz))
+    threads = marks.joinings(other, d.positions, shapes.to_matrix(d.wxyz))["rods"]
     assert not len(threads.ends)
 
 
@@ -249,3 +249,18 @@ def test_a_click_near_a_corner_leads_to_that_point():
         led_to = after(state, *events, do.EndWay(ME, False))
         assert part(led_to).through[1].point == pytest.approx((0.1, -0.1, 0.1))
         assert len(part(led_to).through) == 2
+
+
+def test_a_wheel_that_no_shape_shows_is_drawn():
+    state = led(ATWOOD, "left", "sheave", "right")
+    d = state.derived
+
+    def drums(state):
+        return marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))["drums"]
+
+    assert not len(drums(state).size)  # its cylinder
+    drawn = drums(edit(state, ((1, 2), "0.2")))
+    np.testing.assert_allclose(drawn.at, [(0, 0, 2)], atol=1e-12)
+    np.testing.assert_allclose(drawn.size[0, :2], 0.4)
+    bare = led(BELT, "motor", "load", closed=True)
+    assert len(marks.joinings(bare, np.zeros((2, 3)), np.array([np.eye(3)] * 2))["drums"].size) == 2
