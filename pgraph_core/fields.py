@@ -618,6 +618,11 @@ class Acting(Described):
         return tuple(name for name in dict.fromkeys(names) if name != GROUND)
 
     @property
+    def _links(self) -> tuple[tuple[str, str], ...]:
+        """Return the pairs of bodies that it joins, once each; a moving one is the first."""
+        return (self.pair,)
+
+    @property
     def _places(self) -> tuple[Any, ...]:
         """Return its points of further bodies, in order."""
         return tuple(place for name in self.PLACES for place in getattr(self, name))

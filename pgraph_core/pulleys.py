@@ -105,6 +105,16 @@ def with_body(data: Any) -> Any:
     return {**data, "through": through, "body": first}
 
 
+def links_of(through: tuple[Pulley, ...], closed: bool) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of bodies that follow each other along a cable, once each, with a moving
+    body as the first."""
+    names = [x.body for x in through]
+    ends = list(pairwise([*names, names[0]] if closed else names))
+    pairs = [(b, a) if a == GROUND else (a, b) for a, b in ends if a != b]
+    first = {frozenset(pair): pair for pair in reversed(pairs)}
+    return tuple(first[x] for x in dict.fromkeys(map(frozenset, pairs)))
+
+
 def way_problems(through: tuple[Pulley, ...], closed: bool) -> list[tuple[str, str]]:
     """Return what is wrong with the stations of a cable, as (field, text)."""
     if len(through) < 2:

@@ -136,9 +136,10 @@ class Loop(NamedTuple):
 def loops_of(model: Model, topology: Topology) -> tuple[Loop, ...]:
     """Return the constraints between bodies as edges of the digraph that are not in the tree."""
     return tuple(
-        Loop(c.name, c.kind, *map(topology.number, c.pair))
+        Loop(c.name, c.kind, *map(topology.number, pair))
         for c in model.constraints
         if not isinstance(c, InJoints)
+        for pair in c._links
     )
 
 

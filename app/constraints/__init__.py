@@ -38,6 +38,8 @@ class Picking:
     name: str | None = None  # name of the part, None for a new one
     body: str | None = None  # picked first body of a new part
     more: tuple[str, ...] = ()  # bodies that get such a part too: what else was selected
+    way: tuple[tuple[str, tuple[float, float, float] | None], ...] = ()  # of a cable: bodies in
+    # their order, with points that were clicked on them [m]
 
 
 BY_ITSELF = 300  # degrees of freedom up to which the report comes unasked: it costs O(n³)
@@ -162,6 +164,8 @@ def own_fields(item: Any) -> tuple[str, ...]:
         return tuple(n for n in names if n not in cams.unused(item))
     if isinstance(item, pg.Output):
         return tuple(n for n in names if n != "coordinate" or item.kind in OF_JOINT)
+    if "through" in names:  # the first moving body follows from the stations
+        return tuple(n for n in names if n != "body")
     if places := getattr(item, "PLACES", ()):  # a path ends at the other point
         first = names[: names.index("other_point")]
         return (*first, *places, *(n for n in names if n not in (*first, *places)))

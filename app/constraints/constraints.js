@@ -310,6 +310,20 @@
       const names = data.picking.names.map(([name, text]) =>
         button("small", text, "", () => send("PickName", { name })),
       );
+      const { ends = [], back } = data.picking;
+      if (back)
+        names.push(
+          button("small", "Back", "Backspace: without the last one", () => send("BackWay")),
+        );
+      for (const [text, closed] of ends)
+        names.push(
+          button(
+            closed ? "small" : "small primary",
+            text,
+            closed ? "It returns to its first wheel" : "Enter",
+            () => send("EndWay", { closed }),
+          ),
+        );
       document.body.append(
         make(
           "div",
@@ -328,6 +342,21 @@
     if (called !== null && data.called > called) pgraph.front("Connections"); // a page that comes back counts from 0
     called = data.called;
   }
+
+  // A cable ends by Enter; Backspace takes back its last body.
+  window.addEventListener(
+    "keydown",
+    (event) => {
+      const asked = picking && pgraph.latest.constraints?.picking;
+      if (!asked?.ends || event.target.closest?.("input, select, textarea, .pgraph-banner")) return;
+      if (event.key === "Enter" && asked.ends.length) send("EndWay", { closed: false });
+      else if (event.key === "Backspace" && asked.back) send("BackWay");
+      else return;
+      event.stopPropagation();
+      event.preventDefault();
+    },
+    true,
+  );
 
   // In the table a click on the selected row changes nothing, so it is handled here, and selects nothing.
   let taken = false;

@@ -32,6 +32,7 @@ from . import (
     WORD,
     Part,
     about,
+    cables,
     cams,
     curves,
     own_fields,
@@ -120,8 +121,23 @@ def added(model: pg.Model, part: str, kind: str, body: str, other: str) -> tuple
     return model.add(item), name
 
 
+def led(
+    model: pg.Model, part: str, kind: str, way: Sequence[Any], closed: bool
+) -> tuple[pg.Model, str]:
+    """Add a cable or rope along bodies and points on them. Return (model, its name).
+
+    Raises PgraphError.
+    """
+    name = free_name(kind, [x.name for x in getattr(model, part)])
+    stations = [cables.station(model, body, point) for body, point in way]
+    own = cables.begun(model, kind, stations, closed)
+    return model.add(MAKE[part](**{"name": name, KIND_FIELD[part]: kind}, **own)), name  # type: ignore[index]
+
+
 def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict[str, Any]:
     """Return the required fields for a new part, chosen so that the motion does not jump."""
+    if cables.leads(kind):
+        return cables.begun(model, kind, [cables.station(model, x) for x in (body, other)])
     own = MAKE[part].begun if part == "contacts" else MAKE[part].KINDS[kind].begun
     return {**own(model, body, other), **(gains(model, body) if kind == "servo" else {})}
 
@@ -267,6 +283,8 @@ def _typed(
             return {**data, "points": places.points(model, item, data, index, text, display)}
         case "coefficients":
             return _coefficients(model, data, index, text)
+        case "through":
+            return {**data, field: cables.changed(model, data, index, text, display)}
         case _ if field in getattr(item, "PLACES", ()):
             return {**data, field: places.path(model, item, data[field], index, text, display, at)}
         case _ if form == "rows":

@@ -12,7 +12,7 @@ from ..core.edit import attempted
 from ..core.events import Entries, FromPage, ModelEdit, Text
 from ..core.state import Notice, display_of, told, with_client
 from ..model import Found, sent
-from . import KINDS, WORD, Part, Picking, Slot, State, about, parts, places, takes_other
+from . import KINDS, WORD, Part, Picking, Slot, State, about, cables, parts, places, takes_other
 from .gains import EVERY, GROUND
 
 S = TypeVar("S", bound=State)
@@ -94,6 +94,8 @@ class AddPart(FromPage):
         picking, page = Picking(self.part, self.kind), state.clients.get(self.client)
         if self.body is None or self.body not in state.derived.number:
             return with_client(state, self.client, picking=picking)
+        if is_way(picking):
+            return _onward(state, self.client, picking, self.body, None)
         chosen = page.selected if page is not None and self.body in page.selected else ()
         picking = replace(picking, more=tuple(name for name in chosen if name != self.body))
         return _next(with_client(state, self.client, picking=picking), self.client, self.body)
@@ -126,6 +128,42 @@ class PickName(FromPage):
         return picked(state, self.client, self.name)
 
 
+class EndWay(FromPage):
+    """The last body of a new cable or rope is picked. `closed` makes it a belt."""
+
+    closed: bool = False
+
+    def applied(self, state: State) -> State:
+        picking = picking_of(state, self.client)
+        if picking is None or len(picking.way) < 2:
+            return state
+        freed = with_client(state, self.client, picking=None)
+        made = ""
+
+        def make() -> pg.Model:
+            nonlocal made
+            model, made = parts.led(
+                state.model, picking.part, picking.kind, picking.way, self.closed
+            )
+            return model
+
+        after = attempted(freed, self.client, make, f"add {picking.kind}")
+        if after.model is state.model:
+            return after
+        return _to_tab(after, self.client, picking.part, made)
+
+
+class BackWay(FromPage):
+    """Take back the last body of a new cable or rope."""
+
+    def applied(self, state: State) -> State:
+        picking = picking_of(state, self.client)
+        if picking is None or not picking.way:
+            return state
+        shorter = replace(picking, way=picking.way[:-1])
+        return with_client(state, self.client, picking=shorter)
+
+
 class Unpick(FromPage):
     """Pick nothing."""
 
@@ -138,11 +176,18 @@ def picking_of(state: State, client: int) -> Picking | None:
     return page.picking if page is not None else None
 
 
-def picked(state: S, client: int, body: str | None) -> S:
-    """Assign a body clicked while picking, or the ground. None (Escape) ends picking."""
+def picked(
+    state: S, client: int, body: str | None, point: tuple[float, float, float] | None = None
+) -> S:
+    """Assign a body clicked while picking, or the ground. None (Escape) ends picking.
+
+    A cable takes the point that was clicked too.
+    """
     picking = picking_of(state, client)
     if picking is None or body is None:
         return with_client(state, client, picking=None)
+    if is_way(picking):
+        return _onward(state, client, picking, body, point)
     if body in (
         picking.body,
         *picking.more,
@@ -152,8 +197,29 @@ def picked(state: S, client: int, body: str | None) -> S:
     return _next(state, client, body) if known else state
 
 
+def is_way(picking: Picking | None) -> bool:
+    """Check whether bodies are picked one after the other, for a new cable or rope."""
+    return picking is not None and picking.name is None and cables.leads(picking.kind)
+
+
+def _onward(
+    state: S, client: int, picking: Picking, body: str, point: tuple[float, float, float] | None
+) -> S:
+    """Lead a new cable on to a body. Another click on the last body may only move its point."""
+    if body not in state.derived.number and body != GROUND:
+        return state
+    again = bool(picking.way) and picking.way[-1][0] == body != GROUND
+    if again and point is None:
+        return state
+    before = picking.way[:-1] if again else picking.way
+    way = (*before, (body, point))
+    return with_client(state, client, picking=replace(picking, way=way))
+
+
 def allowed(picking: Picking) -> tuple[str, ...]:
     """Return the other targets that can be picked."""
+    if is_way(picking):
+        return (GROUND,)
     if picking.part == "contacts":
         named = (EVERY,) if picking.slot == "body" else (GROUND, EVERY)
         return named if picking.name is not None else (*named, parts.ALL_ON_GROUND)

@@ -35,6 +35,7 @@ from . import (
     Picking,
     State,
     about,
+    cables,
     cams,
     curves,
     own_fields,
@@ -48,7 +49,7 @@ from . import (
 )
 from .gains import EVERY, GROUND
 from .mobility import mobility_report
-from .update import allowed
+from .update import allowed, is_way
 
 LISTS: tuple[Part, ...] = ("constraints", "contacts", "forces", "sites", "outputs", "controls")
 PARTS = ("derived", "mobility", "mobility_asked", "errands", "request")
@@ -60,6 +61,7 @@ USUAL = (
     ("forces", "spring"), ("limits", "limits"),
 )  # fmt: skip
 OVER_TIME = "over time: 0 0; 1 0.5 is 0 at 0 s, 0.5 at 1 s; or an expression after ="
+MOST_NAMED = 4  # bodies of a new cable that its banner names
 NO_BODY = ("", "choose a body")  # of a list that adds one
 FUNCTIONS = {  # how the text of each kind of curve is written
     **{
@@ -95,7 +97,7 @@ def constraints(state: State, page: Client) -> Payload:
         "kinds": choices(),
         "lists": [_list(state, page, part) for part in LISTS],
         "limits": _limits(state, page),
-        "picking": _picking(page.picking),
+        "picking": _picking(state.model, page.picking),
         "mobility": mobility_report(state),
         "assembling": bool(state.errands),
         "display": vars(page.display),
@@ -163,6 +165,8 @@ def between(item: Any) -> str:
         return f"{getattr(item, item.READS)}".removeprefix("=")
     if isinstance(item, (pg.Site, pg.Output)):
         return item.body if isinstance(item, pg.Site) else item.at
+    if "through" in type(item).model_fields:
+        return ", ".join(station.body for station in item.through)
     names = {EVERY: "all bodies"}
     first, other = (names.get(name) or name for name in item.pair)
     alone = "other" not in type(item).model_fields or isinstance(item, pg.Skate)
@@ -189,10 +193,30 @@ def _bounds(pair: tuple[float | None, ...], of: Quantity, display: Display) -> s
     return f"{low} to {high} {display.unit(of)}"
 
 
-def _picking(picking: Picking | None) -> Payload | None:
+def _way(model: pg.Model, picking: Picking) -> Payload:
+    """Return the banner of a new cable or rope: its bodies, and what to click next."""
+    there = [name for name, _ in picking.way if name == GROUND or name in model.row]
+    wheels = [bool(cables.station(model, name).get("radius")) for name in there]
+    names = [f"{name} (wheel)" if wheel else name for name, wheel in zip(there, wheels)]
+    text = f"A new {picking.kind}: click the body where it begins, in the digraph, the table or "
+    text += "the 3D view."
+    if names:
+        more = "… → " if len(names) > MOST_NAMED else ""
+        text = f"{more}{' → '.join(names[-MOST_NAMED:])} → click the next body."
+    many = len(names) > 1
+    belt = [["Belt", True]] if many and all(wheels) else []
+    return {
+        "text": text, "names": [[GROUND, "ground"]], "first": None, "back": bool(names),
+        "ends": [*belt, *([["Done", False]] if many else [])],
+    }  # fmt: skip
+
+
+def _picking(model: pg.Model, picking: Picking | None) -> Payload | None:
     """Return the picking banner, with instructions and alternatives to clicking."""
     if picking is None:
         return None
+    if is_way(picking):
+        return _way(model, picking)
     slots = {"body": "the body", "other": "the other body"}
     word = WORD.get(picking.part, "limit")
     what = f"{picking.kind} {word}" if picking.part not in ("loops", "limits") else word
@@ -259,6 +283,8 @@ def _field(
             return _coefficients(item, cells)
         case "points":
             return _points(item, cells, display)
+        case "through":
+            return _stations(model, item, cells[name], display)
         case _ if name in getattr(item, "PLACES", ()):
             return _path(item, name, cells, display)
         case "torque" | "target" | "speed" | "input" if isinstance(item, OnJoint):
@@ -443,6 +469,61 @@ def _path(item: Any, name: str, cells: Any, display: Display) -> list[Payload]:
     more = field(name, "+ via", [cell((), "")], kind="names", options=[NO_BODY, GROUND],
                  help=shows.help)  # fmt: skip
     return [*found, more]
+
+
+def _stations(model: pg.Model, item: Any, cells: Any, display: Display) -> list[Payload]:
+    """Return the rows of each station of a cable, and why it cannot lie there, if so."""
+    found, name = list[Payload](), "through"
+    if problem := cables.faults(model).get(item.name):
+        found.append(field(name, "", [], note=f"{problem[:1].upper()}{problem[1:]}.", bad=True))
+    count = len(item.through)
+    for i, (one, row) in enumerate(zip(item.through, map(dict, cells))):
+        up = button("↑", "", "one place up", field=name, index=[i], text=cables.UP)
+        out = button("×", "", "take it out", field=name, index=[i], text="")
+        word = cables.word(i, one, count, item.closed)
+        found.append(
+            field(name, f"{i + 1}. {word}", [cell((i, 0), one.body)],
+                  kind="names", options=[(GROUND, GROUND)], buttons=[*([up] if i else []), out],
+                  help=about(one, "body").help or "body of this station")
+        )  # fmt: skip
+        found += [
+            _of_station(model, (i, number), key, one, row.get(key), display)
+            for number, key in enumerate(cables.OF_STATION[1:], start=1)
+            if key in ("point", "radius") or one.radius
+        ]
+    more = field(name, "+ body", [cell((), "")], kind="names", options=[NO_BODY, GROUND],
+                 help="led on to a further body, as its last station")  # fmt: skip
+    return [*found, more]
+
+
+def _of_station(
+    model: pg.Model,
+    index: tuple[int, int],
+    key: str,
+    one: pg.Pulley,
+    value: Any,
+    display: Display,
+) -> Payload:
+    """Return the row of one field of a station."""
+    name, shows = "through", about(one, key)
+    if key in ("side", "grip"):
+        options = cables.SIDES if key == "side" else cables.GRIPS
+        now = {None: "", True: "yes", False: "no"}[value] if key == "grip" else str(value or "")
+        return field(name, shows.label, [cell(index, now)], kind="choice", options=options,
+                     help=shows.help)  # fmt: skip
+    if key == "radius":
+        length = "" if value in (None, 0.0) else shown(value, "length", display)
+        return field(name, shows.label, [cell(index, length)], unit=display.length,
+                     help=f"{shows.help}; nothing: a point")  # fmt: skip
+    implied = key == "axis" and value is None
+    numbers = cables.implied_axis(model, one) if implied else value
+    of, unit = ("length", display.length) if key == "point" else ("number", "")
+    row = [
+        cell((*index, j), shown(x, of, display), implied=implied)
+        for j, x in enumerate(numbers or ("", "", ""))
+    ]
+    return field(name, "Centre" if one.radius and key == "point" else shows.label, row, unit=unit,
+                 help=shows.help, pick=key)  # fmt: skip
 
 
 def _of_place(

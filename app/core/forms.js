@@ -184,6 +184,7 @@ pgraph.forms = (() => {
     else if (!what.querySelector(".pick")) what.append(picker(box, el));
     what.querySelector(".pick")?.setAttribute("aria-label", `pick ${field.label} in 3D`);
     el.querySelector(".note").textContent = field.note;
+    el.querySelector(".note").classList.toggle("bad", Boolean(field.bad));
     curve(el, field.curve);
   }
   // The picture of a curve below its row, with a note of its range, or with axes and further curves over the same axis.

@@ -21,7 +21,7 @@ LISTS = (*PARTS, "parameters")  # lists of a model whose rows have names
 GONE = "The row has been deleted, so the typed value was not used."
 MOVED = "Rows were added or removed after this was typed. Check its row, then press Enter again."
 PLACED = {  # fields whose cells are in rows without names
-    "points", "via", "coefficients", "steps", "motions", "axes", "q", "v", "constraints",
+    "points", "via", "through", "coefficients", "steps", "motions", "axes", "q", "v", "constraints",
     "contacts", *PER_MOTION,
 }  # fmt: skip
 

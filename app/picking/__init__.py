@@ -21,6 +21,7 @@ class Spot:
     point: Vector  # position in the body's axes [m]
     direction: Vector | None  # unit vector: the normal of a face, or the axis of what is round
     what: str  # "corner", "centre of a face", "flat face", ...
+    snapped: bool = False  # whether it is such a corner, centre, joint or tip near the ray
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ def spot(state: State, ray: Ray, joints: bool = False) -> Spot | None:
     direction = _clean(hit.direction)
     snapped = _snapped(state, drawn[k], k, own, far, joints)
     if snapped is not None:
-        return Spot(state.derived.names[k], _clean(snapped[0]), direction, snapped[1])
+        return Spot(state.derived.names[k], _clean(snapped[0]), direction, snapped[1], True)
     point = own.origin + far * own.direction
     decimals = FINE - math.ceil(math.log10(max(state.derived.grain, 1e-9)))
     x, y, z = (round(float(c), decimals) + 0.0 for c in point)
@@ -109,7 +109,7 @@ def _snapped_beside(
             best = (*found, k)
     if best is None:
         return None
-    return Spot(state.derived.names[best[3]], _clean(best[0]), None, best[1])
+    return Spot(state.derived.names[best[3]], _clean(best[0]), None, best[1], True)
 
 
 def candidates(state: State, look: Look, k: int, joints: bool) -> Iterator[Candidate]:

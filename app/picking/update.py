@@ -12,6 +12,7 @@ import pgraph_core as pg
 from pgraph_core.show import shapes
 
 from ..constraints import Part, parts, places
+from ..constraints.update import is_way, picked
 from ..core.cells import Display, Refusal
 from ..core.edit import attempted, selected
 from ..core.events import Finite, FromPage, Index, OfServer, Request, Text
@@ -111,9 +112,22 @@ class ClickView(Pointed):
 
     def applied(self, state: State) -> State:
         page, found = state.clients.get(self.client), spot_of(state, self)
+        if page is not None and is_way(page.picking):
+            return _led_to(state, self)
         if page is None or page.picking is not None or (found and found.body != GROUND):
             return state
         return selected(state, self.client, None, ())
+
+
+def _led_to(state: State, event: ClickView) -> State:
+    """Lead a new cable to a joint, a tip, a corner or a centre under the pointer, if one is near.
+
+    The body alone is told by the click on its solid.
+    """
+    found = spot_of(state, event, Aim("point"))
+    if found is None or found.body == GROUND or not found.snapped:
+        return state
+    return picked(state, event.client, found.body, found.point)
 
 
 class MenuOf(OfServer, Request):

@@ -22,12 +22,14 @@ from pgraph_core.show import bodies, shapes
 from pgraph_core.show.bodies import Look
 from pgraph_core.show.stage import GRID
 
+from ..constraints.cables import bare
 from . import State
 
 Local = dict[int, np.ndarray]  # number of a body (0: the ground) -> points in its frame [m]
 LONGEST = 0.8  # length of the arrow of the usual largest force over the model's size
 MOST_VALUES, LEAST_VALUE = 5, 0.02  # forces with a number, the least as a part of the largest
 SITE = 0.09  # length of an axis of a site's frame over the body's size
+RIM = 0.25  # width of a wheel without a shape over its radius
 TURNING = ("revolute", "universal", "ball", "point")  # constraints that fix a point
 BRACKET = 0.15  # size of a pivot's bracket on the ground, relative to the body
 BEAD = 0.06  # diameter of the mark of a via point, of the grain
@@ -257,11 +259,13 @@ def forces_of(state: State) -> tuple[pg.Force, ...]:
 
 def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> dict[str, Joining]:
     """Return springs, rods (distance constraints), brackets of pivots on the ground, beads at the
-    via points of paths, and their obstacles: balls, and drums half as long as they are wide.
+    via points of paths, and their obstacles: balls, and drums half as long as they are wide. Wheels
+    of cables that no shape shows are flat drums.
     """
     model, number = state.model, {GROUND: 0, **state.derived.number}
     coils, threads = [], []
     vias: dict[tuple[Any, ...], pg.Via] = {}
+    wheels: dict[tuple[Any, ...], np.ndarray] = {}  # (body, centre, radius): axis
     at, turn = _places(number, positions, R)
     for f in forces_of(state):
         if isinstance(f, BetweenPoints) and all(name in number for name in (*f.pair, *f.touches)):
@@ -271,6 +275,8 @@ def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> dict[str, Jo
     for cable in _cables(model):
         for line in cable_lines(cable, at, turn):
             threads.extend(itertools.pairwise(line))
+        for wheel, axis in bare(model, cable.part.through):
+            wheels[wheel.body, wheel.point, wheel.radius] = turn(wheel.body) @ axis
     rods = [
         (at(c.body, model.point_of(c)), at(c.other, c.other_point))
         for c in model.constraints
@@ -286,6 +292,9 @@ def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> dict[str, Jo
         else:
             up = np.array([0.0, 0.0, half])
             (balls if via.radius else beads).append((centre - up, centre + up, 2 * half))
+    for (name, point, radius), axis in wheels.items():
+        centre, half = at(name, point), 0.5 * RIM * radius * axis
+        drums.append((centre - half, centre + half, 2 * radius))
     return {
         "springs": _between(coils, 0.07 * grain),
         "rods": _between([*rods, *threads], 0.025 * grain),
@@ -428,7 +437,8 @@ def pushes(state: State, positions: np.ndarray, R: np.ndarray) -> list[Push]:
             found.append(Push(cam.point[0], cam.force[0], tuple(c.touches), of))
         elif c.name in result.constraint_force:
             k = d.number[c.body] - 1
-            at = positions[k] + R[k] @ np.asarray(model.point_of(c))
+            own = (x.point for x in c._places if x.body == c.body)  # of a rope
+            at = positions[k] + R[k] @ np.asarray(next(own, model.point_of(c)))
             force = np.asarray(result.constraint_force[c.name][frame, 3:])
             found.append(Push(at, force, tuple(c.touches), ("constraints", c.name)))
     normal = np.asarray(model.ground_normal)

@@ -10,7 +10,7 @@ from pydantic import model_validator
 from ..errors import ModelError, Problem
 from ..fields import Flag, Number, field, parts_of, refuse
 from ..forces import Cable
-from ..pulleys import Pulley, way_problems, with_body
+from ..pulleys import Pulley, links_of, way_problems, with_body
 from ..units import M
 from .constraint import KIND, Constraint
 
@@ -63,6 +63,10 @@ class Rope(Constraint):
     def _led(self) -> Self:
         refuse(way_problems(self.through, self.closed))
         return self
+
+    @property
+    def _links(self) -> tuple[tuple[str, str], ...]:
+        return links_of(self.through, self.closed)
 
     def _blocks(self, e: Any) -> list[Any]:
         return e.roped(self.through, self.closed, self.length)

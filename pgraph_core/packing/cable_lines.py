@@ -37,22 +37,32 @@ class Lying(NamedTuple):
 
 def cables_of(packed: Any) -> tuple[Lying, ...]:
     """Return the cables and active ropes of a packed model, without those that are impossible."""
+    return tuple(x for _, x in _laid(packed) if isinstance(x, Lying))
+
+
+def faults_of(packed: Any) -> dict[str, str]:
+    """Return why a cable or active rope of a packed model is impossible, by its name."""
+    found = ((part, x) for part, x in _laid(packed) if isinstance(x, ModelError))
+    return {part.name: "; ".join(one.text for one in x.problems) for part, x in found}
+
+
+def _laid(packed: Any) -> Iterator[tuple[Cable | Rope, Lying | ModelError]]:
+    """Yield the cables and active ropes of a packed model, each with its lines or its problem."""
     model = packed.model
     parts = [
         *(f for f in model.forces if isinstance(f, Cable)),
         *(c for c in model.constraints if isinstance(c, Rope) and c.active),
     ]
     if not parts:
-        return ()
+        return
     places = Placed(model, packed.topology, packed.system, packed.home_poses)
-    found = list[Lying]()
     for part in parts:
         try:
             own = tuple(_in_bodies(one, places, model) for one in places.segments(part))
-        except ModelError:
-            continue
-        found.append(Lying(part, own))
-    return tuple(found)
+        except ModelError as problem:
+            yield part, problem
+        else:
+            yield part, Lying(part, own)
 
 
 def _in_bodies(
