@@ -184,7 +184,8 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
     if contacts is not None:
         contacts = contact_tables(mech.packed, touching_contacts(mech, given))
         contacts = stepped_tables(mech.packed, contacts, drives)
-    plan = replace(plan, drives=drives, loads=loads, start=start, contacts=contacts)
+    acting = tuple(filter(exerts, forces))
+    plan = replace(plan, drives=drives, loads=loads, start=start, contacts=contacts, acting=acting)
     return _with_memory(plan)
 
 
@@ -244,7 +245,8 @@ def _what_acts(
     conditions = conditions_of(mech, switches, contacts, forces)
     plan = RunPlan(
         drives=mech.packed.drives(forces), loads=_loads(mech, forces, conditions), active=active,
-        driving=tuple(f.name for f in forces if isinstance(f, OnJoint)), memory=o.memory,
+        acting=tuple(filter(exerts, forces)), memory=o.memory,
+        driving=tuple(f.name for f in forces if isinstance(f, OnJoint)),
         varying=tuple(f for f in forces if f._varies and exerts(f)) + mech.model.rubbing,
         changes=changes, conditions=conditions, ever=ever(active, changes, conditions),
         length=mech.packed.length,

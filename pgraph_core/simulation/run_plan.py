@@ -100,6 +100,7 @@ class RunPlan(Way):
     drives: Drives
     driving: tuple[str, ...]  # names of the motors, servos and actuators among them
     loads: Loads
+    acting: tuple[Force, ...]  # the forces in these tables
     varying: tuple[Force | Contact, ...] = ()  # parts with expressions, by their numbers
     active: Ints  # indices of the constraints active at the start
     idle: Idle | None = None  # contacts of bodies that nothing keeps above the ground
