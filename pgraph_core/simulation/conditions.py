@@ -243,19 +243,18 @@ class Condition:
         when, place = self.given.when, self.given.place
         if when.gap is not None:
             return self._gap(t, q, v)
-        return self._measured(*place, t, q, v)
+        return self._measured(place, t, q, v)
 
     def _measure(self, t: float, q: Array, v: Array) -> None:
         """Write the forces that a comparison names into its program."""
         code = self.given.place.code
         for i in measured_rows(code).tolist():
-            place = map(int, code[i, MEASURE.what : MEASURE.value])
-            code[i, MEASURE.value] = self._measured(*place, t, q, v)
+            place = Measured._make(map(int, code[i, MEASURE.what : MEASURE.value]))
+            code[i, MEASURE.value] = self._measured(place, t, q, v)
 
-    def _measured(
-        self, what: int, number: int, segment: int, t: float, q: Array, v: Array
-    ) -> float:
-        """Return the size or an entry of a force, or a tension [N]. See `Measured`."""
+    def _measured(self, place: Measured, t: float, q: Array, v: Array) -> float:
+        """Return the size or an entry of a force, or a tension [N]."""
+        what, number, segment = place
         if what >= PATH:
             return self._tension(number, t, q, v)
         if what < CONSTRAINT:

@@ -216,7 +216,7 @@ class Readings(Snapshots):
             forces = record.scene.forces(out.wrenches[0, :, : kernels.MEANS])
             pose = bodies_over(packed.system, *states, external).pose
             each = {name: wrench[None] for name, wrench in forces.items()}
-            add_constraint_wrenches(self.mech, each, pose, external)
+            add_constraint_wrenches(self.mech, each, (pose, out.q[:1]), external)
         return external
 
     def _open(self) -> None:

@@ -100,6 +100,16 @@ def test_steppers_and_batches_have_the_tensions_of_a_run(cable, more, how):
     assert np.array_equal(stepper.q, quiet.q)  # readings change nothing
 
 
+def test_a_stepper_reads_the_joint_forces_of_a_rope():
+    """The hinge of the sheave carries both tensions and its weight of 9.81 N."""
+    output = pg.Output("held", at="sheave", kind="force")
+    for cable, more in ((pg.Rope, {}), (pg.Cable, {"stiffness": 2e4})):
+        stepper = pg.Stepper(atwood(None, cable=cable, **more).add(output), step=1e-3, method="rk4")
+        stepper.step()
+        pulls = sum(stepper.tension.values()) + 9.81
+        assert abs(stepper.outputs["held"][2]) == pytest.approx(pulls, rel=1e-9)
+
+
 def test_a_stepper_has_the_tensions_of_springs_that_never_act():
     stepper = pg.Stepper(sprung(), step=1e-3, method="rk4")
     run = pg.simulate(sprung(), t_end=1e-3, step=1e-3, method="rk4", frames=2)
