@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from typing import Any, ClassVar, Literal, Self
 
@@ -23,6 +24,8 @@ from .fields import (
     vector,
 )
 from .units import M
+
+SEGMENT = re.compile(r"(.+)\[([1-9]\d?)\]", re.DOTALL)  # name and number of a part of a cable
 
 
 class Pulley(Described):
@@ -113,6 +116,30 @@ def links_of(through: tuple[Pulley, ...], closed: bool) -> tuple[tuple[str, str]
     pairs = [(b, a) if a == GROUND else (a, b) for a, b in ends if a != b]
     first = {frozenset(pair): pair for pair in reversed(pairs)}
     return tuple(first[x] for x in dict.fromkeys(map(frozenset, pairs)))
+
+
+def most_segments(part: Any) -> int:
+    """Return how many segments with their own tension a cable may have, 1 for other parts."""
+    return len(part.through) - (0 if part.closed else 1) if hasattr(part, "through") else 1
+
+
+def segment_names(name: str, count: int) -> list[str]:
+    """Return the names of the segments of a cable, "name[1]" and so on if there are several."""
+    return [f"{name}[{k}]" for k in range(1, count + 1)] if count > 1 else [name]
+
+
+def cable_limit(segment: str) -> str:
+    """Return the name of the limit of a segment of a cable that does not stretch."""
+    return f"cable {segment}"
+
+
+def without_segment(name: str, known: Iterable[str]) -> tuple[str, int]:
+    """Return the name of a part and the number of its segment, from 1, or 0 for the whole part.
+
+    `name` is that of one of the `known` parts, or such a name with a number, "rope[2]".
+    """
+    found = None if name in known else SEGMENT.fullmatch(name)
+    return (found[1], int(found[2])) if found else (name, 0)
 
 
 def way_problems(through: tuple[Pulley, ...], closed: bool) -> list[tuple[str, str]]:

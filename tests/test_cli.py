@@ -56,6 +56,15 @@ def test_info_of_the_quadruped(capsys):
     assert len(info["constraints"]) == 4
 
 
+def test_info_lists_the_segments_of_belts_and_their_mobility(capsys, tmp_path):
+    bodies = [pg.Body(name=x, link=(k, 0, 0), inertia=np.eye(3)) for k, x in enumerate("ab")]
+    belt = pg.belt(["a", "b"], 0.1)
+    pg.Model(bodies=bodies, constraints=[belt]).save(tmp_path / "belt.json")
+    info = answered(capsys, "info", str(tmp_path / "belt.json"))
+    assert info["segments"] == ["belt[1]", "belt[2]"]
+    assert (info["mobility"]["rows"], info["mobility"]["dof"]) == (2, 1)
+
+
 def test_info_of_a_forest_of_nothing_and_of_files(capsys, tmp_path, monkeypatch):
     """A built-in name is no file, and a path is none of the built-in names."""
     monkeypatch.chdir(tmp_path)

@@ -11,6 +11,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core import joints
 from pgraph_core.errors import FileError, ModelError, Problem
+from pgraph_core.pulleys import segment_names
 
 from .terminal import (
     FILES,
@@ -81,6 +82,7 @@ def facts(model: pg.Model) -> dict[str, Any]:
         "constraints": [constraint.name for constraint in model.constraints],
         "mobility": _mobility(model),
         "forces": [force.name for force in model.forces],
+        "segments": _segments(model),
         "scenarios": [scenario.name for scenario in model.scenarios],
     }
 
@@ -93,6 +95,17 @@ def _mobility(model: pg.Model) -> dict[str, Any] | None:
         return pg.Mechanism(model).mobility().to_dict()
     except pg.PgraphError as refused:
         return {"text": str(refused)}
+
+
+def _segments(model: pg.Model) -> list[str]:
+    """Return the names of the segments of cables and ropes, as in `Result.tension`."""
+    parts = [x for x in (*model.forces, *model.constraints) if isinstance(x, pg.Cable | pg.Rope)]
+    try:
+        placed = pg.Mechanism(model).packed.placed() if parts else None
+        counts = [len(placed.segments(part)) for part in parts if placed is not None]
+    except pg.PgraphError:
+        return []  # what is wrong is told with the mobility, or by `pgraph check`
+    return [name for part, n in zip(parts, counts) for name in segment_names(part.name, n)]
 
 
 def _text(model: pg.Model, data: dict[str, Any]) -> str:
@@ -109,6 +122,7 @@ def _text(model: pg.Model, data: dict[str, Any]) -> str:
         f"tips               {_listed(data['tips'])}",
         f"separation bodies  {_listed(data['separation_bodies']) or 'none'}",
         f"constraints        {', '.join(data['constraints']) or 'none'}",
+        *([f"segments           {', '.join(data['segments'])}"] if data["segments"] else []),
         f"scenarios          {', '.join(data['scenarios']) or 'none'}",
         *(("", data["mobility"]["text"]) if data["mobility"] else ()),
         "",

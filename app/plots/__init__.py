@@ -14,7 +14,8 @@ from pgraph_core import joints
 from pgraph_core.errors import counted
 from pgraph_core.model.output import OF_JOINT
 from pgraph_core.packing.signals import known_forces
-from pgraph_core.result.bodies import units_of_drives
+from pgraph_core.pulleys import without_segment
+from pgraph_core.result.bodies import all_forces, units_of_drives
 from pgraph_core.result.records import FREE
 from pgraph_core.show.notebook import between, pictures
 from pgraph_core.show.shapes import to_matrix
@@ -172,7 +173,9 @@ OF_BODIES = (
 NOUNS = {
     "constraint_force": ("constraint",), "pressure_angle": ("cam",), "normal_force": ("cam",),
     "contact_force": ("contact",), "drive_force": ("drive",),
+    "tension": ("path",), "path_length": ("path",),
 }  # fmt: skip
+OF_PATHS = ("tension", "path_length")
 PER = {"q": "", "v": "/s", "vdot": "/s²"}
 OF_JOINTS = tuple(PER)
 SI = Display()
@@ -221,6 +224,15 @@ def strip(run: pg.Result, travels: np.ndarray | float = 0.0) -> list[tuple[float
     return list(zip(times.tolist(), pictures(run.mechanism.model, placed, plain=True)))
 
 
+def paths(run: pg.Result) -> list[list[str]]:
+    """Return the names of each path in `run.tension`, all segments of a cable or rope together."""
+    model, found = run.mechanism.model, dict[str, list[str]]()
+    known = {part.name for part in (*all_forces(run), *model.constraints)}
+    for name in run.tension:
+        found.setdefault(without_segment(name, known)[0], []).append(name)
+    return list(found.values())
+
+
 def of_scene(run: pg.Result) -> list[Signal]:
     """Return the signals of a run that do not belong to a body."""
     found = [Signal(POSES, SCENE), Signal("energy", SCENE)]
@@ -234,7 +246,7 @@ def of_scene(run: pg.Result) -> list[Signal]:
     for name in run.cams:
         found += [Signal("pressure_angle", name), Signal("normal_force", name)]
     found += [Signal("drive_force", name) for name in run.drive_force]
-    found += [Signal(kind, name) for name in run.tension for kind in ("tension", "path_length")]
+    found += [Signal(kind, MANY.join(names)) for names in paths(run) for kind in OF_PATHS]
     found += [Signal("limit", name) for name in run.contacts.limit]
     for name in run.contact_force:
         found += [Signal(kind, name) for kind in ("contact_force", "contact_gap", "contact_slip")]
@@ -259,6 +271,9 @@ def title(signal: Signal) -> str:
     label = KINDS[signal.quantity].label
     if signal.of == SCENE:
         return label
+    whole = {without_segment(name, ())[0] for name in signal.bodies}
+    if signal.quantity in OF_PATHS and len(signal.bodies) > 1 == len(whole):
+        return f"{label} {whole.pop()}"  # all segments of a cable
     if len(signal.bodies) > 1 or signal.component:
         first = signal.quantity in OF_JOINTS and signal.component == "1"
         which = "" if first else signal.component

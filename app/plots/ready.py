@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.pulleys import without_segment
 
-from . import KINDS, MANY, OF_JOINTS, POSES, SCENE, Signal
+from . import KINDS, MANY, OF_JOINTS, POSES, SCENE, Signal, paths
 
 MOST_CURVES = 8  # curves in a chart: as many as there are colours
 MOST_CHARTS = 4  # charts of one quantity
@@ -31,6 +32,7 @@ def ready(run: pg.Result, selected: Sequence[str]) -> list[Ready]:
     moving = [name for name in names if model.body(name).dof]
     parts = (*model.constraints, *model.contacts, *model.forces)
     meant = {part.name for part in parts if not selected or {"*", *names} & {*part.touches}}
+    strung = {part.name for part in parts if isinstance(part, pg.Cable | pg.Rope)}
     turning = of_bodies(run, "angular_acceleration", names)
     found = (
         Ready("Positions", of_bodies(run, "q", moving)),
@@ -38,7 +40,8 @@ def ready(run: pg.Result, selected: Sequence[str]) -> list[Ready]:
         Ready("Accelerations", turning or of_bodies(run, "acceleration", names)),
         Ready("Drives", of_parts(run, "drive_force", meant & run.drive_force.keys())),
         Ready("Forces", [
-            *of_parts(run, "constraint_force", meant & run.constraint_force.keys()),
+            *of_parts(run, "constraint_force", (meant - strung) & run.constraint_force.keys()),
+            *of_cables(run, meant & strung),
             *of_parts(run, "contact_force", meant & run.contact_force.keys()),
         ]),
         Ready("Energy", [Signal("energy", SCENE)]),
@@ -67,6 +70,17 @@ def of_parts(run: pg.Result, kind: str, names: Iterable[str]) -> list[Signal]:
         return [Signal(kind, name) for name in loaded]
     component = max(largest, key=largest.__getitem__, default="")
     return together(f"{kind}.{component}" if component else kind, loaded)
+
+
+def of_cables(run: pg.Result, names: Collection[str]) -> list[Signal]:
+    """Return a chart of the tensions of each of these cables and ropes, if it has any."""
+    known = {name: without_segment(name, names)[0] for name in run.tension}
+    found = [
+        Signal("tension", MANY.join(own))
+        for own in paths(run)
+        if known[own[0]] in names and any(np.any(run.tension[name]) for name in own)
+    ]
+    return found[:MOST_CHARTS]
 
 
 def sizes(run: pg.Result, kind: str, names: Iterable[str]) -> dict[str, float]:

@@ -36,7 +36,9 @@ from .ready import ready
 
 LIVE_EVERY = 0.3  # [s] between two pictures of a live run
 LIVE_SPAN = 15.0  # [s] least plotted span of a live run
-CARRIED = ("constraint_force", "constraint_torque", "contact_force", "drive_force", "limit")
+CARRIED = (
+    "constraint_force", "constraint_torque", "contact_force", "drive_force", "limit", "tension",
+)  # fmt: skip
 NOTHING = "Nothing to plot yet: press Play."
 EMPTY = "No bodies yet: add one to the table."
 IDLE = "0 throughout this run: it is off or carries no load"
@@ -160,7 +162,8 @@ def missing(state: State, signal: Signal) -> str:
     if state.plotted is None:
         return "no run yet"
     known, kind = of_scene(state.plotted.result), signal.quantity
-    if kind in OF_BODIES or any(Signal(kind, name) in known for name in signal.bodies):
+    there = signal in known or any(Signal(kind, name) in known for name in signal.bodies)
+    if kind in OF_BODIES or there:
         return ""
     called = [title(s) for s in known if s.kind.split("_")[-1] == signal.kind.split("_")[-1]]
     return "not in this run; it has " + ", ".join(called[:3]) if called else "not in this run"

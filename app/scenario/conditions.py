@@ -57,6 +57,7 @@ def names_of(model: pg.Model, what: str) -> list[str]:
         {body.name: body for body in model.bodies},
         [c.name for c in model.constraints],
         [c.name for c in model.contacts],
+        model.forces,
     )
     if what not in known:
         raise Refusal(f"A switch cannot wait for that kind: choose one of {', '.join(known)}.")
@@ -407,7 +408,7 @@ def _usual(model: pg.Model, s: pg.Scenario, switch: pg.Switch, what: str) -> Map
     if what == "force" and switch.active:
         names = [name for name in names if name != switch.constraint]  # while off it carries none
     if not names:
-        there = {"gap": "contact", "force": "contact or constraint", HOLDS: "coordinate"}
+        there = {"gap": "contact", "force": "contact, constraint or spring", HOLDS: "coordinate"}
         raise Refusal(f"There is no {there.get(what, what)} to wait for.")
     match what:
         case "constraint":

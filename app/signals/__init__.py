@@ -260,8 +260,8 @@ def clicked(
         found = [x for group in ("vq" if rate else "qv") for x in signals_of(known, group, name)]
         problem = f"the joint of '{name}' does not move"
         return Hint(serial, put=found[0]) if found else Hint(serial, problem)
-    group = SIGNALS_OF.get(part, ("",))[-1]
-    if group and name in known.of(group):
+    groups = (group for group in reversed(SIGNALS_OF.get(part, ())) if name in known.of(group))
+    if group := next(groups, ""):
         text = written(group, name)
         problem = known.problem(f"={text}", None, at_once=at_once(item, field))
         problem = problem.partition(": ")[2] or looped(model, item, field, f"={text}")

@@ -28,7 +28,7 @@ from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..packing import Array, Ints, System
 from ..portable import Snapshots, put_back
-from ..result.records import OF_DRIVES, Named
+from ..result.records import OF_DRIVES, OF_PATHS, Named
 from ..simulation.failures import STATUS
 from ..simulation.paths import Path, with_numbers
 from ..simulation.recorded import told
@@ -304,6 +304,12 @@ class BatchStepper(Snapshots):
         """
         names = self._first.recording.plan.driving
         return Named(self._of_each(names, lambda one: one.drive_force), *OF_DRIVES)
+
+    @property
+    def tension(self) -> Mapping[str, Array]:
+        """Current tensions {name: (size,)} of springs, struts, cables and ropes [N], as in
+        `Stepper`."""
+        return Named(self._of_each(self._first.tension, lambda one: one.tension), *OF_PATHS)
 
     def _touches(self, value: Any) -> dict[str, Array]:
         contacts = self._first.recording.plan.contacts

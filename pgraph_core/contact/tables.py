@@ -45,8 +45,9 @@ from ..packing.constraints import (
     stations_in,
     with_blocks,
 )
-from ..packing.forces import Placed as PlacedParts
 from ..packing.forces import acting_on, terms_of
+from ..packing.signals import number_of_cable
+from ..pulleys import cable_limit, segment_names
 from ..rotation import matrix
 from ..shapes import kind_of
 from ..shapes.solid import Solid, points
@@ -114,9 +115,17 @@ class Tables(NamedTuple):
     hulls: tuple[tuple[float, str], ...]  # (volume over the mesh's, body) of hulls far larger
     friction_blocks: tuple[Ints, Array, Ints, Array] = block_arrays(())  # joint friction
     stations: Any = NO_STATIONS  # records VIA of the cables among the limits
+    cables: tuple[Cable, ...] = ()  # that do not stretch, one a segment: they are the last limits
 
     def __bool__(self) -> bool:
         return bool(self.touches or self.limits or self.frictions)
+
+    def measured(self, model: Any) -> list[int]:
+        """Return the number, for expressions, of the contact or cable of each pair and limit."""
+        numbers = {c.name: i for i, c in enumerate(model.contacts)}
+        of = [numbers.get(pair.contact.name, -1) for pair in self.touches]
+        of += [-1] * (len(self.limits) - len(self.cables))
+        return [*of, *(number_of_cable(model, cable) for cable in self.cables)]
 
     @property
     def frictions(self) -> int:
@@ -151,7 +160,9 @@ def tables(mech: Packed, active: tuple[Contact, ...]) -> Tables:
     found = _Shapes(mech)
     for contact in active:
         found.add(contact)
-    return found.tables([*_limits(mech), *_inextensible(mech)])
+    cables = list(_inextensible(mech))
+    limits = [*_limits(mech), *(own for _, own in cables)]
+    return found.tables(limits)._replace(cables=tuple(cable for cable, _ in cables))
 
 
 def with_friction(contacts: Tables, drives: Drives, rows: Ints) -> Tables:
@@ -536,18 +547,17 @@ def _limits(mech: Packed) -> Iterator[tuple[str, Block]]:
             yield f"spring {spring.name} {side} limit", block
 
 
-def _inextensible(mech: Packed) -> Iterator[tuple[str, Block]]:
-    """Yield (name, block) for each segment of the cables that do not stretch."""
+def _inextensible(mech: Packed) -> Iterator[tuple[Cable, tuple[str, Block]]]:
+    """Yield (cable, (name, block)) for each segment of the cables that do not stretch."""
     for f in mech.model.forces:
         if isinstance(f, Cable) and f.stiffness is None:
-            at_ = PlacedParts(mech.model, mech.topology, mech.system, mech.home_poses)
-            found = at_.segments(f)
-            for k, one in enumerate(found, start=1):
-                name = f"cable {f.name}" + (f"[{k}]" if len(found) > 1 else "")
+            found = mech.placed().segments(f)
+            for own, one in zip(segment_names(f.name, len(found)), found):
+                name = cable_limit(own)
                 longest = longest_of(f, one)
                 values = block_values({at.VALUE: longest, at.SIZE: abs(longest)})
                 ends = int(one.rows[0]["row"]), int(one.rows[-1]["row"])
-                yield name, Block(at.T_SLACK, 1, values, ends=ends, stations=one.rows)
+                yield f, (name, Block(at.T_SLACK, 1, values, ends=ends, stations=one.rows))
 
 
 def _limit(values: dict[int, float], terms: tuple[Term, ...], row: int) -> Block:

@@ -23,6 +23,7 @@ from ..engine.arrays import (
     Workspace,
 )
 from ..engine.cable_places import spans_of_segment
+from ..engine.cables import GRIP
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.motions import facts
 from ..engine.records import (
@@ -50,6 +51,7 @@ from ..packing.forces import on_bodies
 from ..packing.packed import Packed
 from ..packing.programs import locate_forces, measured_rows, with_pairs
 from ..portable import Unportable
+from ..pulleys import segment_names
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
@@ -97,9 +99,7 @@ class Scene(Unportable):
         self.blocks: Blocks = _extended(own, contacts) if contacts else own
         code, targets, states = loads.signals
         if len(measured_rows(code)) or (targets[:, 1] == LAW).any():
-            numbers = {c.name: i for i, c in enumerate(packed.model.contacts)}
-            touches = contacts.touches if contacts else ()
-            pairs = [numbers.get(pair.contact.name, -1) for pair in touches]
+            pairs = contacts.measured(packed.model) if contacts else []
             locate_forces(code, own.first.tolist(), pairs)
             loads = self.loads = loads._replace(signals=(code, with_pairs(targets, pairs), states))
             contacts = contacts and contacts._replace(laws=contacts.laws.copy())
@@ -238,7 +238,7 @@ def _segments_of(blocks: Blocks, name: str, first: int, end: int) -> list[tuple[
     """Return the spans of the entries of a constraint."""
     if end == first + 1 or blocks.blocks_i[first, at.B_TYPE] != at.T_CABLE:
         return [(name, first, end)]
-    return [(f"{name}[{k}]", i, i + 1) for k, i in enumerate(range(first, end), start=1)]
+    return [(own, i, i + 1) for own, i in zip(segment_names(name, end - first), range(first, end))]
 
 
 def _spans_of(blocks: Blocks, constraints: Ints) -> list[tuple[str, int, int]]:
@@ -511,15 +511,26 @@ def segments_of(blocks: Blocks, name: str) -> list[tuple[str, int]]:
 def rope_spans(packed: Packed, block: int, q: Array) -> tuple[Array, Array]:
     """Return (n, spans, 9) first point, last point and direction of the spans of a block, and its
     lengths (n,), at the states q (n, nq)."""
-    blocks, system = packed.blocks, packed.system
-    first, count = blocks.blocks_i[block, [at.B_STATION, at.B_STATIONS]].tolist()
-    stations = blocks.stations[first : first + count]
-    found, lengths = np.zeros((len(q), count - 1, 9)), np.zeros(len(q))
+    first, count = packed.blocks.blocks_i[block, [at.B_STATION, at.B_STATIONS]].tolist()
+    return spans_over(packed, packed.blocks.stations[first : first + count], q)
+
+
+def spans_over(packed: Packed, stations: Any, q: Array) -> tuple[Array, Array]:
+    """Return (n, spans, 9) first point, last point and direction of the spans of a segment, and its
+    lengths (n,), at the states q (n, nq).
+
+    The lengths are without what lies on the wheels that it grips at its ends.
+    """
+    system = packed.system
+    found, lengths = np.zeros((len(q), len(stations) - 1, 9)), np.zeros(len(q))
     work = np.zeros((len(packed.rows), at.WORK))
     position, rotation = np.empty((packed.nb, 3)), np.empty((packed.nb, 9))
     for i in range(len(q)):
         bodies.poses(*system[:4], q[i], np.zeros(packed.nv), work, position, rotation)
         lengths[i] = spans_of_segment(stations, work, q[i], found[i])
+    for one, sign in ((stations[0], 1.0), (stations[-1], -1.0)):
+        if one["shape"] == GRIP:
+            lengths += sign * one["radius"] * one["gear"] * q[:, one["coordinate"]]
     return found, lengths
 
 

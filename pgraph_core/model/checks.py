@@ -386,12 +386,14 @@ def reference_problems(
     `names` contains the names of all constraints and contacts, including invalid ones, and `lost`
     the names of invalid forces, outputs and controls.
     """
+    watched = known_names(bodies, *names, forces)
+    watched = {**watched, "force": [*watched["force"], *{*lost} - {*watched["force"]}]}
     return [
         *constraint_problems(constraints, bodies),
         *contact_problems(contacts, bodies),
         *force_problems(forces, bodies),
         *scenario_problems(scenarios, bodies, *names, soles_among(contacts)),
-        *condition_problems(scenarios, bodies, constraints, known_names(bodies, *names)),
+        *condition_problems(scenarios, bodies, constraints, forces, watched),
         *site_problems(sites, bodies),
         *output_problems(outputs, bodies, [s.name for s in sites]),
         *unique("control", [c.name for c in controls]),

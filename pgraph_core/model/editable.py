@@ -27,7 +27,7 @@ from .editing import (
     renamed_in_scenarios,
     without,
 )
-from .expressions import SIGNALS_OF
+from .expressions import groups_of
 from .parameters import Formula, cells_of, followed, formulas_in, still_true
 from .poses import poses
 from .world import DOWN, Ground
@@ -126,11 +126,11 @@ class Editable(Description):
         }
         if new.name != name:
             names = {name: new.name}
-            if key in ("constraints", "contacts"):
+            groups = groups_of(key, old)
+            if "force" in groups:
                 fields["scenarios"], _ = renamed_in_scenarios(self.scenarios, key, names)
             if key == "sites":
                 fields["outputs"] = tuple(renamed(o, names) for o in self.outputs)
-            groups = SIGNALS_OF.get(key, ())
             if groups:
                 fields |= in_expressions({**self._others(), **fields}, names, *groups)
             formulas = followed(formulas, (), names, key)  # type: ignore[arg-type]
@@ -395,7 +395,7 @@ class Editable(Description):
     def _without_part(self, part: Part) -> Self:
         """Return the model without a constraint, contact, force or scenario."""
         key, scenarios, notices = PARTS_OF[part.word()], self.scenarios, list[str]()
-        if key in ("constraints", "contacts"):
+        if "force" in groups_of(key, part):
             scenarios, notices = renamed_in_scenarios(scenarios, key, {part.name: None})
         fields: dict[str, Any] = {"scenarios": scenarios}
         fields[key] = tuple(x for x in fields.get(key, getattr(self, key)) if x is not part)

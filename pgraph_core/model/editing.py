@@ -10,6 +10,7 @@ from .. import joints, words
 from ..errors import ModelError, Problem, nearest
 from ..fields import Described, Frozen, OfKinds, OfSums, fields_of, listed
 from ..forces import Force, OnJoint, Tendon
+from ..pulleys import without_segment
 from ..rotation import multiply, rotate
 from ..signals import signals_in, with_names
 from .body import JOINT_FIELDS, Body
@@ -17,7 +18,7 @@ from .checks import fits_joint, force_problems, output_problems, state_problems,
 from .constraint import Constraint
 from .contact import Contact
 from .control import Control
-from .expressions import controls_read, drives_read, named_in, read_by, renamed_in
+from .expressions import TENSE, controls_read, drives_read, named_in, read_by, renamed_in
 from .output import OF_JOINT, Output, Site
 from .scenario import Scenario, coordinates, followed, of_bodies
 
@@ -108,17 +109,28 @@ def edited_part(old: Described, changes: Mapping[str, Any]) -> tuple[Any, list[s
     return _refused_as(cls, f"{old.word()} '{data['name']}'", {**data, **changes}), notices
 
 
+# parts that scenarios list by name -> what conditions watch of them
+WATCHED = {"constraints": ("force", "constraint"), "contacts": ("force", "gap")}
+
+
 def renamed_in_scenarios(
     scenarios: Sequence[Scenario], key: str, names: Mapping[str, str | None]
 ) -> tuple[tuple[Scenario, ...], list[str]]:
-    """Return scenarios with renamed constraints or contacts, and notices about removed entries.
+    """Return scenarios with renamed constraints, contacts or forces along paths, and notices about
+    removed entries.
 
-    `key` is "constraints" or "contacts". Entries whose name is None are removed.
+    `key` is the name of their list. Entries whose name is None are removed.
     """
+
+    def called(name: str) -> str | None:
+        part, k = without_segment(name, names)
+        new = names.get(part, part)
+        return f"{new}[{k}]" if k and new is not None else new
+
     found, notices = [], []
     for s in scenarios:
         update: dict[str, Any] = {}
-        listed = getattr(s, key)
+        listed = getattr(s, key) if key in WATCHED else None
         if listed is not None and not names.keys().isdisjoint(listed):
             new = (names.get(x, x) for x in listed)
             update[key] = tuple(x for x in new if x is not None)
@@ -129,8 +141,7 @@ def renamed_in_scenarios(
                 for x in switches
                 if names.get(x.constraint, x.constraint) is not None
             )
-        watched = ("force", "constraint") if key == "constraints" else ("force", "gap")
-        switches = followed(switches, watched, lambda name: names.get(name, name))
+        switches = followed(switches, WATCHED.get(key, ("force",)), called)
         if switches != s.switches:
             update["switches"] = switches
             if len(switches) < len(s.switches):
@@ -378,8 +389,9 @@ def without(
         forces = tuple(f for f in s.forces if not touched(f))
         return s.unchecked_copy({"q": q, "v": v, "forces": forces, "switches": switches})
 
+    tense = [f for f in parts["forces"] if isinstance(f, TENSE)]
     exerting = {
-        part.name for part in (*parts["constraints"], *parts["contacts"])
+        part.name for part in (*parts["constraints"], *parts["contacts"], *tense)
         if not names.isdisjoint(part.touches)
     }  # fmt: skip
     lost_controls, lost_drives, before = set[str](), set[str](), -1
@@ -402,8 +414,9 @@ def without(
         if part.name in gone[kind]
     ]
     scenarios = parts["scenarios"]
-    for kind in ("constraints", "contacts"):
-        scenarios, told = renamed_in_scenarios(scenarios, kind, dict.fromkeys(gone[kind]))
+    for kind in ("constraints", "contacts", "forces"):
+        lost = gone[kind] & exerting
+        scenarios, told = renamed_in_scenarios(scenarios, kind, dict.fromkeys(lost))
         notices += told
     return {**kept, "scenarios": tuple(map(cut, scenarios))}, notices
 

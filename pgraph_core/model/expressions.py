@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 from .. import joints
 from ..errors import Problem, choices, nearest_name, shown
 from ..fields import Described, OfSums, fields_of
-from ..forces import Force, OnJoint
+from ..forces import LOADS, Force, OnJoint
+from ..pulleys import most_segments
 from ..signals import Node, Unreadable, is_expression, parsed, signals_in, with_names, written
 from ..signals.grammar import walk
 from ..signals.meaning import CONSTANTS, TIME, constant, dim_of, fits, places_of, unit
@@ -19,12 +20,15 @@ from .body import Body
 from .constraint import Constraint, Motion, OfOne, Relation
 from .control import PID, Control
 from .output import OF_JOINT, OF_LOAD, Output
+from .rope import Rope
 
 Bodies = Mapping[str, Body | None]
+# forces that have a tension along a path
+TENSE = tuple(kind.part for kind in LOADS if kind.action.tension is not None)
 DRIVEN = ("u", "f")  # groups of signals of drives
 SIGNALS_OF = {  # parts of a model -> groups of the signals that they have
-    "outputs": ("out",), "controls": ("x",), "forces": DRIVEN, "constraints": ("force",),
-    "contacts": ("force",),
+    "outputs": ("out",), "controls": ("x",), "forces": ("force", *DRIVEN),
+    "constraints": ("force",), "contacts": ("force",),
 }  # fmt: skip
 PASSED = ("x", *DRIVEN)  # groups of signals that may follow from others at once
 MOST_NAMED = 8  # signals of a loop that a message lists
@@ -53,6 +57,13 @@ def renamed_in(part: Described, names: Mapping[str, str], *groups: str) -> dict[
             old = found.get(name, getattr(part, name))
             found[name] = new if k is None else (*old[:k], new, *old[k + 1 :])
     return found
+
+
+def groups_of(key: str, part: Any) -> tuple[str, ...]:
+    """Return the groups of signals that a part of a model has, which is in the list `key`."""
+    if key == "forces":
+        return DRIVEN if isinstance(part, OnJoint) else ("force",) * isinstance(part, TENSE)
+    return SIGNALS_OF.get(key, ())
 
 
 class Variable(NamedTuple):
@@ -92,6 +103,8 @@ class Known:
         self._lost = lost
         self.drives = {f.name: f for f in forces if isinstance(f, OnJoint)}
         self._torques = {c.name: c for c in constraints if not c.pulls(bodies)}
+        self._cables = {c.name: c for c in constraints if isinstance(c, Rope)}
+        self._paths = {f.name: f for f in forces if isinstance(f, TENSE)}
         self._kinds = {f.name: f.own_kind() for f in forces}
         self.outputs = {o.name: o for o in outputs}
         self.controls = {c.name: c for c in controls}
@@ -102,7 +115,7 @@ class Known:
         Raises Unreadable for an unknown signal.
         """
         group, name, k = node.signal
-        if name in self._lost and group in ("x", "out", *DRIVEN):
+        if name in self._lost and group in ("x", "out", "force", *DRIVEN):
             return None
         if group == "x":
             return self._of_control(node, name, k)
@@ -144,7 +157,7 @@ class Known:
         """Return the parts by name that have signals of a group."""
         if group in DRIVEN:
             return self.drives
-        names = dict.fromkeys(itertools.chain(*self._exerting))
+        names = dict.fromkeys(itertools.chain(*self._exerting, self._paths))
         of = {"out": self.outputs, "x": self.controls, "force": names}
         return of.get(group, self.bodies)
 
@@ -152,6 +165,7 @@ class Known:
         """Return the names including additional drives, for example of a scenario."""
         other = copy(self)
         other.drives = {**self.drives, **{f.name: f for f in forces if isinstance(f, OnJoint)}}
+        other._paths = {**self._paths, **{f.name: f for f in forces if isinstance(f, TENSE)}}
         return other
 
     def _of_drive(self, node: Node, group: str, name: str, k: int) -> Dim | None:
@@ -160,6 +174,8 @@ class Known:
             do = nearest_name(name, self.drives) if self.drives else "the model has none"
             if name in self.of("force"):
                 do = f"write {written('force', name)} for the force of a contact or constraint"
+                if name in self._paths:
+                    do = f"write {written('force', name)} for the tension of a {self._kinds[name]}"
             text = f"no motor, servo or actuator is named {shown(name)}; {do}"
             raise Unreadable(node.column, text)
         if k:
@@ -177,16 +193,31 @@ class Known:
                 do = f"it is a {self._kinds[name]}, whose force no expression reads"
             if name in self.drives:
                 do = f"write {written('f', name)} for the torque or force of a drive"
-            raise Unreadable(node.column, f"no contact or constraint is named {shown(name)}; {do}")
-        if all(name in names for names in self._exerting):
-            text = f"a contact and a constraint are both named {shown(name)}; rename one"
+            text = f"no contact, constraint, spring, strut or cable is named {shown(name)}; {do}"
+            raise Unreadable(node.column, text)
+        if len(of := self._named(name)) > 1:
+            text = f"a {' and a '.join(of)} are both named {shown(name)}; rename one"
             raise Unreadable(node.column, text)
         if name in self._torques:
             raise Unreadable(node.column, without_force(self._torques[name]))
-        if k > 3:
+        strung = self._paths.get(name) or self._cables.get(name)
+        if strung is not None:
+            if k > (most := most_segments(strung)) or (k and most == 1):
+                text = f"the tension of {shown(name)} is one number"
+                if most > 1:
+                    text = f"{strung.own_kind()} {shown(name)} has at most {most} segments, counted"
+                    text += " from 1"
+                raise Unreadable(node.column, f"{text}, got entry {k}")
+        elif k > 3:
             text = f"the force of {shown(name)} has its size, 0, and entries from 1 to 3 along x, y"
             raise Unreadable(node.column, f"{text} and z, got {k}")
         return N
+
+    def _named(self, name: str) -> list[str]:
+        """Return what has a force by this name."""
+        words = {"constraint": self._exerting[0], "contact": self._exerting[1]}
+        found = [word for word, names in words.items() if name in names]
+        return found + [self._kinds.get(name, "force")] * (name in self._paths)
 
     def _of_output(self, node: Node, name: str, k: int) -> Dim:
         output = self.outputs.get(name)
@@ -221,6 +252,9 @@ class Known:
                     force = written("force", node.signal[1])
                     loop = f"an algebraic loop: {force} -> {at_once} -> {force}, which follows"
                     do = "from all forces; read it in a control with samples"
+                    if node.signal[1] in self._paths:
+                        loop = f"{force} is measured after the forces of its instant, and {at_once}"
+                        do = "acts among them; read it in a control with samples"
                     raise Unreadable(node.column, f"{loop} {do}")
         except Unreadable as error:
             return f"{shown(text)}: {error}"

@@ -109,5 +109,5 @@ def belt(
         raise ModelError(Problem(where, "crossed", text))
     sides = (1, -1) if crossed else (1,) * len(names) if len(names) == 2 else (None,) * len(names)
     through = [Pulley(x, radius=r, side=side) for x, r, side in zip(names, sizes, sides)]
-    kind = Cable if fields.get("stiffness") is not None else Rope
+    kind: Any = Cable if fields.get("stiffness") is not None else Rope
     return kind(name=name, through=through, closed=True, **fields)

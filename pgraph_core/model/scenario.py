@@ -28,12 +28,13 @@ from ..fields import (
     refuse,
 )
 from ..forces import Force
+from ..pulleys import most_segments, without_segment
 from ..signals import parsed
 from ..signals.meaning import compares
 from ..units import S
 from .body import Body
 from .constraint import Constraint
-from .expressions import without_force
+from .expressions import TENSE, without_force
 from .settings import ADAPTIVE, AUTO, OF, Settings, no_tolerance
 
 Positive = Annotated[Number, Field(gt=0)]
@@ -190,7 +191,9 @@ class When(Frozen):
     )
     gap: Text | None = field("the name of a contact, whose smallest gap counts [m]", default=None)
     force: Text | None = field(
-        "the name of a contact or constraint, whose force counts [N]", default=None
+        "the name of a contact or constraint, whose force counts, or of a spring, strut, cable or "
+        "rope, whose tension does, as 'rope[2]' of one with several segments [N]",
+        default=None,
     )
     constraint: Text | None = field("the name of a constraint", default=None)
     above: Number | None = field("a number", default=None)
@@ -333,29 +336,42 @@ def coordinates(bodies: Bodies) -> dict[str, tuple[str, int]]:
     return found
 
 
-def known_names(bodies: Bodies, constraints: Sequence[str], contacts: Sequence[str]) -> Known:
+def known_names(
+    bodies: Bodies, constraints: Sequence[str], contacts: Sequence[str], forces: Sequence[Force]
+) -> Known:
     """Return the names that conditions may use."""
     return {
         "coordinate": list(coordinates(bodies)),
         "gap": list(contacts),
-        "force": [*contacts, *constraints],
+        "force": [*contacts, *constraints, *(f.name for f in forces if isinstance(f, TENSE))],
         "constraint": list(constraints),
     }
 
 
 def condition_problems(
-    scenarios: Sequence[Scenario], bodies: Bodies, constraints: Sequence[Constraint], known: Known
+    scenarios: Sequence[Scenario],
+    bodies: Bodies,
+    constraints: Sequence[Constraint],
+    forces: Sequence[Force],
+    model: Known,
 ) -> list[Problem]:
-    """Return problems with conditions: unknown names, never met, or endless switching."""
+    """Return problems with conditions: unknown names, never met, or endless switching.
+
+    `model` contains the names without those of forces that a scenario adds.
+    """
     found = []
     refused = any(body is None for body in bodies.values())
     for s in scenarios:
         if not any(switch.when for switch in s.switches):
             continue
+        own = {f.name for f in s.forces if isinstance(f, TENSE)} - {f.name for f in forces}
+        known = {**model, "force": [*model["force"], *own]}
+        strung = [*forces, *s.forces, *constraints]
         listed = s.constraints
         on = {c.name for c in constraints if (c.active if listed is None else c.name in listed)}
         for switch in s.switches:
             text = _unknown(switch, known, refused) or forceless(switch, constraints, bodies)
+            text = text or _beside_segments(switch, strung, known)
             text = text or _never(switch, s.switches, on, bodies, known)
             if text:
                 found.append(Problem(f"scenario '{s.name}'", "switches", text))
@@ -370,13 +386,31 @@ def _unknown(switch: Switch, known: Known, refused: bool) -> str:
     what, name = switch.when.subject
     if what == "holds":
         return ""  # its names are checked with those of other expressions
-    if what == "force" and name in known["gap"] and name in known["constraint"]:
-        return f"of '{switch.constraint}': a contact and a constraint are both '{name}'; rename one"
+    if what == "force":
+        name, _ = without_segment(name, known[what])
+    if what == "force" and known[what].count(name) > 1:
+        kinds = {"contact": "gap", "constraint": "constraint"}
+        of = [word for word, key in kinds.items() if name in known[key]]
+        of += ["force"] * (known[what].count(name) > len(of))
+        text = f"a {' and a '.join(of)} are both '{name}'; rename one"
+        return f"of '{switch.constraint}': {text}"
     if name in known[what] or (refused and what == "coordinate"):
         return ""
     there = known[what]
     do = f"choose one of {choices(there)}" if there else f"the model has no {what} to wait for"
     return f"of '{switch.constraint}': no {what} is called '{name}'; {do}"
+
+
+def _beside_segments(switch: Switch, parts: Sequence[Any], known: Known) -> str:
+    """Return the reason why a condition names a segment that no cable or rope has, or ""."""
+    given = (switch.when and switch.when.force) or ""
+    name, k = without_segment(given, known["force"])
+    most = max((most_segments(x) for x in parts if x.name == name), default=1)
+    if not k or (1 < most >= k):
+        return ""
+    text = f"'{name}' has at most {most} segments" if most > 1 else f"'{name}' has no segments"
+    do = f"write '{name}[1]' for the first one" if most > 1 else f"write '{name}'"
+    return f"of '{switch.constraint}': {text}, got '{given}'; {do}"
 
 
 def forceless(switch: Switch, constraints: Sequence[Constraint], bodies: Bodies) -> str:
@@ -394,6 +428,8 @@ def _never(
     if when is None:
         return ""
     what, name = when.subject
+    if what == "force":
+        name, _ = without_segment(name, known["force"])
     of = f"of '{switch.constraint}': '{when}' never holds: "
 
     def becomes(active: bool) -> bool:
@@ -406,7 +442,8 @@ def _never(
         return f"of '{name}': it waits for its own force, which is 0 while it is off"
     if what == "constraint" and when.active is not None and not becomes(when.active):
         return of + f"nothing switches '{name}' {'on' if when.active else 'off'}"
-    if what == "force" and when.below is not None and when.below <= 0:
+    touches = what == "force" and (name in known["constraint"] or name in known["gap"])
+    if touches and when.below is not None and when.below <= 0:
         return of + "a force is a magnitude, which is never negative; give a value above 0"
     held = what == "force" and name in known["constraint"]
     if held and when.above is not None and when.above >= 0 and not becomes(True):

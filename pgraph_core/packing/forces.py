@@ -79,6 +79,17 @@ class Placed:
 
         return segments(cable.through, cable.closed, self, self._model, self.packed, refuse)
 
+    def path_rows(self, forces: Sequence[Force]) -> list[tuple[str, range]]:
+        """Return the name and the rows of each force along a path, in the order of all rows."""
+        found, first = list[tuple[str, range]](), 0
+        for kind in LOADS:
+            for f in forces if kind.action.tension is not None else ():
+                if type(f) is kind.part:
+                    end = first + len(kind.split(f, self))
+                    found.append((f.name, range(first, end)))
+                    first = end
+        return found
+
     def vias(self, part: Any) -> Sequence[tuple[Any, ...]]:
         """Return the fields of VIA for each point of a row besides its two ends."""
         if isinstance(part, Part):

@@ -24,7 +24,7 @@ from ..model import Body, Force, Model
 from ..topology import Topology
 from . import Array, Arrays, Drives, Ints, Loads, System, length_in, numbers, quaternions, system
 from .constraints import Blocks, blocks
-from .forces import NO_LOADS, bends, drives, loads, on_bodies
+from .forces import NO_LOADS, Placed, bends, drives, loads, on_bodies
 from .signals import Places, signals, states_of
 
 INT, EMPTY = np.dtype(np.int64), np.empty
@@ -266,11 +266,19 @@ class Packed:
         bent = bent and self.bend(forces)
         if not (acts or watched or bent or touching):
             return found
-        places = Places(self.model, self.topology, self.system)
+        places = self.places(forces)
         given = self.model, forces, self.drives(forces), found
         return found._replace(
             signals=signals(places, *given, named, watched, rubbing, bent, touching)
         )
+
+    def places(self, forces: tuple[Force, ...] = ()) -> Places:
+        """Return where signals are, in a run in which these forces act."""
+        return Places(self.model, self.topology, self.system, self.placed, forces)
+
+    def placed(self) -> Placed:
+        """Return the poses and rows of the bodies."""
+        return Placed(self.model, self.topology, self.system, self.home_poses)
 
     @cached_property
     def passive_loads(self) -> Loads:

@@ -386,7 +386,7 @@ def _operands(op: int) -> int:
 
 
 def measured_rows(code: Array) -> Ints:
-    """Return the rows of the forces of contacts and constraints in a program."""
+    """Return the rows of the forces of contacts, constraints and paths in a program."""
     return (
         np.flatnonzero((code[::2, 0] == kernels.NUMBER) & (code[::2, MEASURE.what] >= CONSTRAINT))
         * 2
@@ -394,9 +394,11 @@ def measured_rows(code: Array) -> Ints:
 
 
 def contacts_read(code: Array) -> list[int]:
-    """Return the indices of the contacts whose forces are used in a program."""
+    """Return the numbers of the contacts whose forces are used in a program, beside those of
+    cables that do not stretch."""
     rows = code[measured_rows(code)]
-    return rows[rows[:, MEASURE.what] >= CONTACT, MEASURE.first].astype(int).tolist()
+    what = rows[:, MEASURE.what]
+    return rows[(what >= CONTACT) & (what < TENSION), MEASURE.first].astype(int).tolist()
 
 
 def with_pairs(targets: Ints, pairs: Sequence[int]) -> Ints:
@@ -414,17 +416,20 @@ def with_pairs(targets: Ints, pairs: Sequence[int]) -> Ints:
 def locate_forces(code: Array, first: Sequence[int], pairs: Sequence[int]) -> None:
     """Write the blocks of constraints and the pairs of contacts into a program of their numbers.
 
+    The program has the number of a segment of a rope or cable as the count, or 0 for the whole.
     `first` contains the first block of each constraint and the end, or [0] if there are none.
-    `pairs` contains the contact index of each pair.
+    `pairs` contains the number of the contact or the cable of each pair.
     """
     for i in measured_rows(code).tolist():
-        n = int(code[i, MEASURE.first])
+        n, k = int(code[i, MEASURE.first]), int(code[i, MEASURE.count])
+        if code[i, MEASURE.what] >= TENSION:
+            continue
         if code[i, MEASURE.what] < CONTACT:
-            begin, end = first[n : n + 2] if n + 1 < len(first) else (0, 0)
-            code[i, MEASURE.first], code[i, MEASURE.count] = begin, end - begin
-        elif code[i, MEASURE.what] < TENSION:
-            own = [k for k, number in enumerate(pairs) if number == n]
-            code[i, MEASURE.first], code[i, MEASURE.count] = min(own, default=0), len(own)
+            own = range(*first[n : n + 2]) if n + 1 < len(first) else range(0)
+        else:
+            own = [pair for pair, number in enumerate(pairs) if number == n]
+        own = own[k - 1 : k] if k else own
+        code[i, MEASURE.first], code[i, MEASURE.count] = min(own, default=0), len(own)
 
 
 def count_of_edges(code: Array) -> int:

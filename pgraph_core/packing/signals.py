@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,11 +17,15 @@ from ..engine.stepping.measured import (
     CONSTRAINT,
     CONTACT,
     MEASURE,
+    TENSION,
 )
-from ..forces import LOADS, OnBody, OnJoint, Strut, Wrench
-from ..model import Contact, Control, Force, Model
+from ..errors import ModelError, Problem, choices
+from ..forces import LOADS, Cable, OnBody, OnJoint, Strut, Wrench
+from ..model import Contact, Control, Force, Model, Rope
 from ..model.control import STATE, Own
-from ..signals import parsed
+from ..model.expressions import TENSE
+from ..pulleys import segment_names
+from ..signals import parsed, written
 from ..topology import Topology
 from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates
 from .programs import Operand, Program
@@ -34,18 +39,24 @@ SPAN = ("first_knot", "knots")  # fields of a load
 class Places:
     """The locations of a model's signals in the kernel states."""
 
-    def __init__(self, model: Model, topology: Topology, packed: System):
+    def __init__(
+        self,
+        model: Model,
+        topology: Topology,
+        packed: System,
+        placed: Callable[[], Any],
+        forces: Sequence[Force] = (),
+    ):
+        """Store the model. `placed` returns a `Placed`, and `forces` act in the run."""
         self._topology, self._packed = topology, packed
+        self._placed, self._forces = placed, forces
         self._model, self._outputs = model, {o.name: o for o in model.outputs}
         self._states = {(c.name, k): i for i, (c, k, _) in enumerate(states_of(model))}
 
     def __call__(self, group: str, name: str, k: int) -> tuple[int, ...]:
         """Return the operation that reads a signal and its operands."""
         if group == "force":
-            numbers = [c.name for c in self._model.constraints]
-            if name in numbers:
-                return kernels.NUMBER, CONSTRAINT + k, numbers.index(name)
-            return kernels.NUMBER, CONTACT + k, [c.name for c in self._model.contacts].index(name)
+            return self._of_force(name, k)
         if group == STATE:
             return kernels.V, int(self._topology.dof.sum()) + self._states[name, k]
         if group == "out":
@@ -60,6 +71,47 @@ class Places:
         assert place is not None
         rows = np.searchsorted(self._packed.body_of_row, number)
         return kernels.Q, int(self._packed.rows[rows, 2]) + place, at_v[k][0]
+
+    def _of_force(self, name: str, k: int) -> tuple[int, ...]:
+        """Return the operation that reads the force of a constraint, contact or path."""
+        model = self._model
+        for number, c in enumerate(model.constraints):
+            if c.name == name and isinstance(c, Rope):
+                return kernels.NUMBER, CONSTRAINT, number, self.segment(c, k)
+            if c.name == name:
+                return kernels.NUMBER, CONSTRAINT + k, number
+        contacts = [c.name for c in model.contacts]
+        if name in contacts:
+            return kernels.NUMBER, CONTACT + k, contacts.index(name)
+        known = (*known_forces(model), *self._forces)
+        f = next(f for f in reversed(known) if f.name == name and isinstance(f, TENSE))
+        k = self.segment(f, k) if isinstance(f, Cable) else 0
+        if isinstance(f, Cable) and f.stiffness is None:
+            return kernels.NUMBER, CONTACT, number_of_cable(model, f), k
+        rows = self._rows.get(name)
+        if rows is None:
+            return (kernels.NUMBER,)  # it does not act, and has no tension
+        return kernels.NUMBER, TENSION, rows[max(k - 1, 0)]
+
+    @cached_property
+    def _rows(self) -> Mapping[str, range]:
+        """The rows of the forces along paths, by name."""
+        return dict(self._placed().path_rows(self._forces))
+
+    def segment(self, part: Cable | Rope, k: int) -> int:
+        """Return the number of a segment, or 0 for the only one. Raises ModelError."""
+        count = len(self._placed().segments(part))
+        if (count == 1 and not k) or (count > 1 and 1 <= k <= count):
+            return k
+        name = part.name
+        if count > 1:
+            all_of = choices(segment_names(name, count))
+            text = f"has {count} segments, each with its own tension: {all_of}; name one of them, "
+            text += f"in expressions as {written('force', name, 1)}"
+        else:
+            text = f"has one segment; name '{name}' without a number, got {k}, or "
+            text += f"{written('force', name)} in expressions"
+        raise ModelError(Problem(f"{part.word()} '{name}'", "through", text))
 
     def of_load(self, program: Program, f: OnBody) -> Iterator[tuple[Operand, int]]:
         """Yield (value, column of the knots) for each expression in a load."""
@@ -83,6 +135,11 @@ class Places:
 def states_of(model: Model) -> list[tuple[Control, int, Own]]:
     """Return (control, number, state) of every state of the controls, in the order of v."""
     return [(c, k, own) for c in model.controls for k, own in enumerate(c.own)]
+
+
+def number_of_cable(model: Model, cable: Cable) -> int:
+    """Return the number of a cable that does not stretch, behind those of the contacts."""
+    return len(model.contacts) + model.forces.index(cable)
 
 
 def begun_from(loads: Loads, states: Array) -> Loads:
@@ -126,7 +183,7 @@ def signals(
     owner = 0
     for f in forces:
         found = list[tuple[int, ...]]()
-        if isinstance(f, OnBody):
+        if isinstance(f, OnBody) and f.VARIES:  # one row each
             kind, table = tables[type(f)]
             row, given = next(table), places.of_load(program, f) if f._varies else ()
             found = [(x, 1 + kind, *row[[*SPAN]].tolist(), k) for x, k in given]
@@ -173,7 +230,7 @@ def values_of(
     controls = {c.name: c for c in model.controls}
     if not controls:
         return {}
-    places = Places(model, packed.topology, packed.system)
+    places = packed.places()
     program = Program(model.parameters, places, controls, (*known_forces(model), *forces))
     last = [2 * program.signal("x", name, 0) + 1 for name in controls]
     return dict(zip(controls, _over(program.code(), last, t, q, v)))

@@ -599,7 +599,8 @@ class Result(Exports, EqualByFields, Portable):
     def tension(self) -> Mapping[str, Array]:
         """Tensions {name: (n,)} of springs, struts, cables and ropes [N], negative if they push.
 
-        A cable or rope has an entry "name[k]" for each of several segments, k from 1.
+        A cable or rope has an entry "name[k]" for each of several segments, k from 1. In time
+        stepping, those of ropes, and of cables that do not stretch, are means since the last frame.
         """
         return Named({name: path.tension for name, path in self._paths.items()}, *OF_PATHS)
 

@@ -83,7 +83,8 @@ def event_driven(
         text += "; give the contacts law 'soft' or 'complementarity', or use method 'moreau_jean'"
         raise InputError(Problem("simulate", "method", text))
     rigid = {t.contact.name for t in contacts.touches if t.contact.law != "soft"}
-    if read := rigid & {mech.model.contacts[i].name for i in contacts_read(loads.signals[0])}:
+    numbers = contacts_read(loads.signals[0])
+    if read := rigid & {c.name for i, c in enumerate(mech.model.contacts) if i in numbers}:
         text = f"a control reads the force of the rigid contact '{min(read)}', which is a signal in"
         text += " time stepping only; use method 'moreau_jean'"
         raise InputError(Problem("simulate", "method", text))
@@ -98,4 +99,4 @@ def event_driven(
     rest = contact_tables(mech.packed, tuple(dict.fromkeys(soft)))
     if rest is None or not rest.touches:
         return None, points
-    return rest._replace(limits=(), limit_blocks=block_arrays(())), points
+    return rest._replace(limits=(), limit_blocks=block_arrays(()), cables=()), points

@@ -13,15 +13,17 @@ from ..engine.arrays import Frames
 from ..engine.compiler.address import address_of
 from ..engine.records import LIMIT, rows_of
 from ..engine.signals import values
-from ..engine.stepping.measured import CONSTRAINT, CONTACT, MEASURE
+from ..engine.stepping.measured import CONSTRAINT, CONTACT, MEASURE, TENSION
 from ..errors import choices, refusal, shown
 from ..mechanism import Mechanism
 from ..model import Force, Switch, When
-from ..model.expressions import Known
+from ..model.expressions import TENSE, Known
 from ..model.scenario import forceless
 from ..packing import Array
+from ..packing.forces import exerts
 from ..packing.programs import Program, measured_rows
-from ..packing.signals import Places, known_forces
+from ..packing.signals import known_forces
+from ..pulleys import without_segment
 from ..signals import parsed
 from ..tolerances import SOLVED
 
@@ -35,7 +37,7 @@ class ConditionOf(NamedTuple):
     constraint: int
     active: bool
     when: When
-    place: Any  # index of the monitored quantity
+    place: Any  # index of the monitored quantity, or what is measured
     contacts: Tables | None  # contacts of the run
 
     @property
@@ -45,12 +47,12 @@ class ConditionOf(NamedTuple):
 
     @property
     def contact_force(self) -> bool:
-        """Return True if it monitors a contact force."""
-        return self.when.force is not None and self.place[0] == "contact"
+        """Return True if it monitors a contact force, or that of a cable that does not stretch."""
+        return self.when.force is not None and CONTACT <= self.place.what < TENSION
 
     @property
     def reads_force(self) -> bool:
-        """Return True if it monitors the force of a contact or a constraint."""
+        """Return True if it monitors the force of a contact, constraint or path."""
         of_force = self.when.holds is not None and len(measured_rows(self.place.code)) > 0
         return self.when.force is not None or of_force
 
@@ -83,6 +85,7 @@ def conditions_of(
     """Return the switches that wait for conditions, by watched numbers. Raises InputError."""
     names = [c.name for c in mech.model.constraints]
     bodies, found = {b.name: b for b in mech.model.bodies}, []
+    exerted = tuple(filter(exerts, forces))
     for s in switches:
         if s.when is None:
             continue
@@ -92,15 +95,28 @@ def conditions_of(
             place = _comparison(mech, name, forces)
             found.append(ConditionOf(number, s.active, s.when, place, contacts))
             continue
-        known = _known(mech, contacts)[what]
+        known = _known(mech, contacts, forces)[what]
+        name, k = without_segment(name, known) if what == "force" else (name, 0)
         if name not in known:
             text = f"of '{s.constraint}': no {what} is named {name!r}; "
             text += f"choose one of {choices(tuple(known))}" if known else f"there is no {what}"
             raise refusal("simulate", "switches", text)
         if text := forceless(s, mech.model.constraints, bodies):
             raise refusal("simulate", "switches", text)
-        found.append(ConditionOf(number, s.active, s.when, known[name], contacts))
+        place = known[name]
+        if what == "force":
+            signal = mech.packed.places(exerted)("force", name, k)[1:]
+            place = Measured(*signal)
+        found.append(ConditionOf(number, s.active, s.when, place, contacts))
     return tuple(found)
+
+
+class Measured(NamedTuple):
+    """A force that is measured, with the operands of its instruction."""
+
+    what: int = 0
+    number: int = 0  # of the constraint, contact or cable, or the row of a path
+    segment: int = 0  # from 1, 0: the whole part
 
 
 class Comparison(NamedTuple):
@@ -127,9 +143,10 @@ def _comparison(mech: Mechanism, text: str, forces: Sequence[Force]) -> Comparis
     names = [c.name for c in model.constraints], [c.name for c in model.contacts]
     parts = model.outputs, model.controls, model.parameters, forces
     known = Known(bodies, *parts, names, constraints=model.constraints)
+    exerted = tuple(filter(exerts, forces))
     if problem := known.problem(text, None):  # problem of a switch given in the call
         raise refusal("simulate", "switches", problem)
-    places, controls = Places(model, packed.topology, packed.system), known.controls
+    places, controls = packed.places(exerted), known.controls
     acting = (*known_forces(model), *forces)  # controls may name what does not act
     program = Program(model.parameters, places, controls, acting)
     last = 2 * program.margin(parsed(text)) + 1
@@ -147,8 +164,11 @@ def limits_of(mech: Mechanism, conditions: Sequence[ConditionOf]) -> Any:
     return rows_of(LIMIT, found)
 
 
-def _known(mech: Mechanism, contacts: Tables | None) -> dict[str, dict[str, Any]]:
-    """Compute the names available to conditions: entries of q, contact pairs and constraints."""
+def _known(
+    mech: Mechanism, contacts: Tables | None, forces: Sequence[Force]
+) -> dict[str, dict[str, Any]]:
+    """Compute the names available to conditions: entries of q, contact pairs, constraints, and
+    what has a force."""
     places = {}
     for name, joint in mech.joints.items():
         if joint.q.stop == joint.q.start + 1:
@@ -161,12 +181,11 @@ def _known(mech: Mechanism, contacts: Tables | None) -> dict[str, dict[str, Any]
     pairs: dict[str, list[int]] = {}
     for i, pair in enumerate(contacts.touches if contacts is not None else ()):
         pairs.setdefault(pair.contact.name, []).append(i)
-    touching = {name: ("contact", found) for name, found in pairs.items()}
-    held = {name: ("constraint", i) for name, i in numbers.items()}
+    pulled = [f.name for f in (*mech.model.forces, *forces) if isinstance(f, TENSE)]
     return {
         "coordinate": places,
         "gap": pairs,
-        "force": {**touching, **held},
+        "force": dict.fromkeys((*pairs, *numbers, *pulled)),
         "constraint": numbers,
     }
 
@@ -202,7 +221,7 @@ class Condition:
 
     def __call__(self, t: float, q: Array, v: Array) -> float:
         """Compute the distance beyond the bound, positive if the condition is true."""
-        _, _, when, place, _ = self.given
+        when, place = self.given.when, self.given.place
         if when.coordinate is not None:
             value = q.item(place)
         elif when.holds is not None:
@@ -224,34 +243,53 @@ class Condition:
         when, place = self.given.when, self.given.place
         if when.gap is not None:
             return self._gap(t, q, v)
-        what, numbers = place
-        if what == "contact":
-            return float(np.linalg.norm(self._push(when.force or "", numbers, t, q, v)))
-        return float(np.linalg.norm(self._held(numbers, t, q, v)))
+        return self._measured(place, t, q, v)
 
     def _measure(self, t: float, q: Array, v: Array) -> None:
         """Write the forces that a comparison names into its program."""
-        code, model = self.given.place.code, self.record.mech.model
+        code = self.given.place.code
         for i in measured_rows(code).tolist():
-            what, number = int(code[i, MEASURE.what]), int(code[i, MEASURE.first])
-            if what < CONTACT:
-                force = self._held(number, t, q, v)
-            else:
-                name, tables = model.contacts[number].name, self.given.contacts
-                touches = tables.touches if tables is not None else ()
-                pairs = [k for k, pair in enumerate(touches) if pair.contact.name == name]
-                force = self._push(name, pairs, t, q, v) if pairs else np.zeros(3)
-            entry = what % CONSTRAINT
-            code[i, MEASURE.value] = force[entry - 1] if entry else np.linalg.norm(force)
+            place = Measured._make(map(int, code[i, MEASURE.what : MEASURE.value]))
+            code[i, MEASURE.value] = self._measured(place, t, q, v)
 
-    def _held(self, number: int, t: float, q: Array, v: Array) -> Array:
+    def _measured(self, place: Measured, t: float, q: Array, v: Array) -> float:
+        """Return the size or an entry of a force, or a tension [N]."""
+        what, number, segment = place
+        if what >= TENSION:
+            return self._tension(number, t, q, v)
+        if what < CONSTRAINT:
+            return 0.0  # of a force that does not act
+        if what < CONTACT:
+            force = self._held(number, segment, t, q, v)
+        else:
+            force = self._pushed(number, segment, t, q, v)
+        entry = what % CONSTRAINT
+        return float(force[entry - 1] if entry else np.linalg.norm(force))
+
+    def _tension(self, row: int, t: float, q: Array, v: Array) -> float:
+        """Return the tension in a row of the forces along paths [N]."""
+        scene = self.record.scene
+        found = np.zeros((sum(len(table) for table, *_ in scene.loads[:-1]), 3))
+        motion.load_tensions(scene.address, t, q, v, found)
+        return float(found[row, 0])
+
+    def _pushed(self, number: int, segment: int, t: float, q: Array, v: Array) -> Array:
+        """Return the force of a contact or of a cable that does not stretch [N]."""
+        model, tables = self.record.mech.model, self.given.contacts
+        numbers = tables.measured(model) if tables is not None else []
+        pairs = [k for k, own in enumerate(numbers) if own == number]
+        pairs = pairs[segment - 1 : segment] if segment else pairs
+        name = model.contacts[number].name if number < len(model.contacts) else ""
+        return self._push(name, pairs, t, q, v) if pairs else np.zeros(3)
+
+    def _held(self, number: int, segment: int, t: float, q: Array, v: Array) -> Array:
         """Return the force of a constraint [N], zero for one that this run never switches on."""
         blocks = self.record.scene.blocks
         if number >= len(blocks.names):
             return np.zeros(3)
         frame = self._evaluated(self.record.scene.address, t, q, v)
         one = np.array([number], dtype=np.int64)
-        (wrench,) = forces_of(blocks, one, frame.wrenches).values()
+        wrench = list(forces_of(blocks, one, frame.wrenches).values())[max(segment, 1) - 1]
         return wrench[0, 3:]
 
     def _gap(self, t: float, q: Array, v: Array) -> float:
@@ -287,7 +325,8 @@ class Condition:
                 return points["force"][some].sum(axis=0)
         if record.scene.touching is None:
             return np.zeros(3)  # nothing has come near
-        if tables.touches[pairs[0]].contact.law == "soft":
+        touch = tables.touches[pairs[0]] if pairs[0] < len(tables.touches) else None
+        if touch is not None and touch.contact.law == "soft":
             frame = self._evaluated(self._alone().address, t, q, v)
             return frame.pairs["force"][0, pairs].sum(axis=0)
         assert record.scene.touching is not None

@@ -184,9 +184,11 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
     if contacts is not None:
         contacts = contact_tables(mech.packed, touching_contacts(mech, given))
         contacts = stepped_tables(mech.packed, contacts, drives)
+    acting = tuple(filter(exerts, forces))
     plan = replace(
-        plan, drives=drives, loads=loads, wrapped=_wrapped(forces), start=start, contacts=contacts
-    )
+        plan, drives=drives, loads=loads, wrapped=_wrapped(forces), start=start, contacts=contacts,
+        acting=acting,
+    )  # fmt: skip
     return _with_memory(plan)
 
 
@@ -246,7 +248,8 @@ def _what_acts(
     conditions = conditions_of(mech, switches, contacts, forces)
     plan = RunPlan(
         drives=mech.packed.drives(forces), loads=_loads(mech, forces, conditions), active=active,
-        driving=tuple(f.name for f in forces if isinstance(f, OnJoint)), memory=o.memory,
+        acting=tuple(filter(exerts, forces)), memory=o.memory,
+        driving=tuple(f.name for f in forces if isinstance(f, OnJoint)),
         varying=tuple(f for f in forces if f._varies and exerts(f)) + mech.model.rubbing,
         changes=changes, conditions=conditions, ever=ever(active, changes, conditions),
         wrapped=_wrapped(forces), length=mech.packed.length,

@@ -16,9 +16,11 @@ from ..packing import Array, Ints
 from ..packing.forces import drive_forces
 from ..packing.signals import values_of
 from ..portable import Snapshots
+from ..pulleys import segment_names
 from ..result.bodies import add_constraint_wrenches
 from ..result.cams import CamRecord, cam_record
-from ..result.records import OF_CONSTRAINTS, OF_DRIVES, ByTouch, Named
+from ..result.paths import of_cables, of_ropes
+from ..result.records import OF_CONSTRAINTS, OF_DRIVES, OF_PATHS, ByTouch, Named
 from .loop import Steps
 from .recording import Recording
 
@@ -155,6 +157,35 @@ class Readings(Snapshots):
         return Named(dict(zip(plan.driving, found[0].tolist())), *OF_DRIVES)
 
     @property
+    def tension(self) -> Mapping[str, float]:
+        """Current tensions {name: N} of springs, struts, cables and ropes, negative if they push.
+
+        As in `Result`, a cable or rope has an entry "name[k]" for each of several segments. Those
+        of ropes, and of cables that do not stretch, are means over the last call of `step`.
+        """
+        q, packed, found = self._steps.q[None, : self.mech.nq].copy(), self.mech.packed, {}
+        scene = self._seen().scene
+        rows = np.zeros((sum(len(own) for _, own in self._path_rows), 3))
+        if len(rows):
+            kernels.load_tensions(scene.address, self.t, self._steps.q, self._steps.v, rows)
+        for name, own in self._path_rows:
+            pulls = rows[own.start : own.stop, 0].tolist()
+            found |= dict(zip(segment_names(name, len(own)), pulls))
+        forces = {name: x[None] for name, x in self.constraint_force.items()}
+        paths = of_ropes(packed, forces, q) if forces else ()
+        found |= {name: float(path.tension[0]) for name, path in paths}
+        if (contacts := self._record.plan.contacts) is not None and contacts.cables:
+            pulls = self._record.out.pairs["mean_force"][0, len(contacts.touches) :, :1]
+            limits = dict(zip(contacts.limits, pulls))
+            found |= {name: float(x.tension[0]) for name, x in of_cables(packed, limits, q)}
+        return Named(found, *OF_PATHS)
+
+    @cached_property
+    def _path_rows(self) -> list[tuple[str, range]]:
+        """The name and the rows of each force along a path."""
+        return self.mech.packed.placed().path_rows(self._record.plan.acting)
+
+    @property
     def outputs(self) -> Mapping[str, Any]:
         """Readings {output: value}, each a number or an array (3,) or (4,). See `Output`."""
         out, sensors = self._seen().out, self._sensors
@@ -199,7 +230,7 @@ class Readings(Snapshots):
             pose = bodies_over(packed.system, *states, external).pose
             each = {name: wrench[None] for name, wrench in forces.items()}
             q = out.q[:1, : self.mech.nq]
-            add_constraint_wrenches(self.mech, each, q, pose, external)
+            add_constraint_wrenches(self.mech, each, (pose, q), external)
         return external
 
     def _open(self) -> None:

@@ -101,6 +101,7 @@ class RunPlan(Way):
     drives: Drives
     driving: tuple[str, ...]  # names of the motors, servos and actuators among them
     loads: Loads
+    acting: tuple[Force, ...]  # the forces in these tables
     varying: tuple[Force | Contact, ...] = ()  # parts with expressions, by their numbers
     wrapped: tuple[BetweenPoints, ...] = ()  # forces along paths past obstacles
     active: Ints  # indices of the constraints active at the start

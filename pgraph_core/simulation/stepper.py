@@ -506,7 +506,7 @@ class Stepper(Readings):
         whole = np.arange(len(mech.model.constraints))
         bent = plan.method.order > 1
         loads = mech.packed.loads(forces, states=True, bent=bent, touching=bent and plan.yields)
-        plan = replace(plan, drives=drives, loads=loads, ever=whole)
+        plan = replace(plan, drives=drives, loads=loads, ever=whole, acting=forces)
         if states is not None:
             plan = begun_with(plan, given_states(mech, states))
         tau = plan.tau if tau is None else tau

@@ -20,6 +20,7 @@ from pgraph_core.show.notebook import pictures
 from pgraph_core.show.shapes import to_matrix
 from pgraph_core.study import figures
 
+from ..core.test_cables import atwood
 from .store import ME, OTHER, after, begun, built_in, do, ran, reply
 
 pytestmark = pytest.mark.quick
@@ -106,6 +107,21 @@ def test_ready_plots_leave_out_what_is_zero_and_share_few_charts():
     chain = pg.simulate(pg.Model.serial(50).edit("1", axes=(0, 1, 0), v=1.0), t_end=0.01)
     charts = ready_plots(chain)["Velocities"]
     assert [len(signal.bodies) for signal in charts] == [8, 8, 8, 8]
+
+
+def test_tensions_of_the_segments_of_a_rope_share_a_chart():
+    run = pg.simulate(atwood(), t_end=0.05)
+    names = "rope[1]\nrope[2]"
+    assert ready_plots(run)["Forces"] == [data.Signal("tension", names)]
+    found = data.of_scene(run)
+    for kind, word, unit in (("tension", "tension", "N"), ("path_length", "length", "m")):
+        signal = data.Signal(kind, names)
+        assert signal in found
+        assert data.title(signal) == f"{word} of rope"
+        assert data.unit(run.mechanism.model, signal) == unit
+        curves = data.curves(run, signal)
+        assert [curve.label for curve in curves] == ["rope[1]", "rope[2]"]
+        assert curves[1].y == pytest.approx(getattr(run, kind)["rope[2]"].tolist())
 
 
 def test_curves_of_zeros_are_named_and_not_drawn():

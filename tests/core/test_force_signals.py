@@ -171,21 +171,21 @@ def test_unknown_forces_are_refused(text, facts):
     assert_names(str(error.value), *facts)
 
 
-@pytest.mark.parametrize("name", ["rope", "drive", "nothing"])
+@pytest.mark.parametrize("name", ["drag", "drive", "nothing"])
 @pytest.mark.parametrize("of", ["motor", "sample"])
 def test_a_force_without_a_contact_or_constraint_is_no_loop(of, name):
     """The name is wrong wherever it is read, and the message says what has it."""
-    rope = pg.Spring(name="rope", body="arm", stiffness=1.0, other_point=(0, 1, 0))
+    drag = pg.Drag(name="drag", body="arm", size=(0.1, 0.1, 0.1), density=1.2)
     drive = pg.Motor(name="drive", body="arm", torque=1.0)
-    text, parts = f"=force.{name}", {"forces": [rope, drive]}
+    text, parts = f"=force.{name}", {"forces": [drag, drive]}
     if of == "motor":
         parts["forces"].append(pg.Motor(name="push", body="arm", torque=text))
     else:
         parts["controls"] = [pg.Sampled(name="F", update=text, sample=0.1)]
     with pytest.raises(pg.ModelError) as error:
         two_links(**parts)
-    says = {"rope": "spring", "drive": "f.drive", "nothing": "hold"}
-    assert_names(str(error.value), "no contact or constraint", f"'{name}'", says[name])
+    says = {"drag": "drag, whose force", "drive": "f.drive", "nothing": "hold"}
+    assert_names(str(error.value), "no contact, constraint", f"'{name}'", says[name])
     assert "loop" not in str(error.value)
 
 

@@ -25,9 +25,7 @@ from .jit import ENGINE
 DIGEST, LENGTH_BYTES = 32, 8  # [bytes]
 FORM = 2  # version of the file format
 # bitcode is a stream of bits: no byte of a word is like that of another one
-FILTERS = [
-    {"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "lc": 4, "lp": 0, "pb": 0}
-]
+FILTERS = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "lc": 4, "lp": 0, "pb": 0}]
 FILE = ENGINE / "kernels.archive"
 COMMAND = "python -m pgraph_core.engine --archive"
 
