@@ -7,29 +7,31 @@ import numpy as np
 import pgraph_core as pg
 
 # a window slides on two bent rails of the door, lifted by an arm whose pin runs in its slot
-height, radius = 0.4, 1.2  # the rails are arcs
+radius, lowest = 1.2, 0.25  # the rails are arcs, which lean where the window is closed
 
 
-def rail(x: float) -> list[tuple[float, float, float]]:
-    """Return points of a rail that begins at x on the lower edge of the door."""
-    angles = np.linspace(-0.1, height / radius + 0.1, 9)
-    return [(x + radius * (math.cos(a) - 1), 0, radius * math.sin(a)) for a in angles]
+def rail(x: float) -> list[list[float]]:
+    """Return points of a rail that is at x on the lower edge of the door."""
+    angles = np.linspace(lowest - 0.1, lowest + 0.4, 9)
+    arc = np.column_stack((np.cos(angles), 0 * angles, np.sin(angles)))
+    start = np.array((math.cos(lowest), 0, math.sin(lowest)))
+    return (radius * (arc - start) + (x, 0, 0)).tolist()
 
 
 flat = [("translate", (1, 0, 0)), ("translate", (0, 0, 1)), ("rotate", (0, 1, 0))]
-window = pg.Body(name="window", motions=flat, mass=4, inertia=(0.2, 0.3, 0.2))
+window = pg.Body(name="window", joint="compound", motions=flat, mass=4, inertia=(0.2, 0.3, 0.2))
 arm = pg.Body(name="arm", axes=[(0, 1, 0)], link=(0.0, 0, -0.15), mass=0.5, com=(0.2, 0, 0),
               inertia=(0.001, 0.01, 0.01), q=(0.25,))  # fmt: skip
 ties = [
     pg.CurvePoint(name="front", body="window", point=(-0.3, 0, 0), curve=rail(-0.3)),
     pg.CurvePoint(name="rear", body="window", point=(0.3, 0, 0), curve=rail(0.3)),
     pg.CurvePoint(name="slot", body="arm", point=(0.35, 0, 0), other="window",
-                  curve=[(-0.4, 0, -0.24), (0.4, 0, -0.24)]),
+                  curve=[(0.1, 0, -0.24), (0.6, 0, -0.24)]),
     pg.Motion(name="winder", body="arm", q_of_t="=0.25 - 0.9*smoothstep(t, 0, 3)"),
 ]  # fmt: skip
 door = pg.Model(bodies=[window, arm], constraints=ties)
 run = pg.simulate(door, t_end=3, rtol=1e-9)
-place = run.body("window").position
+place = run.body_pose["window"]
 print(f"the window rises by {place[-1, 2] - place[0, 2]:.3f} m")
 torque = run.constraint_force["winder"][:, 1]
 print(f"the winder needs up to {np.abs(torque).max():.2f} N m")

@@ -8,6 +8,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
+from pgraph_core.rotation import matrix
+from pgraph_core.simulation.paths import Path
 
 G, RADIUS, MASS = 9.81, 0.7, 1.3
 FINE: dict[str, Any] = {"method": "dop853", "rtol": 1e-13, "atol": 1e-13, "estimate": False}
@@ -128,26 +130,31 @@ def pair(curve: Any = ARCH, closed: bool = False) -> pg.Model:
         inertia=np.diag((0.05, 0.1, 0.12)),
         q=(0, 0, 0, 1, 0, 0, 0),
         com=(0.05, 0.1, 0),
-        v=(1.0, 0.5, -0.2, 0, 0, 0),
+        v=(1.0, 0.5, -0.2, 1.2, 0.3, 0.2),
     )
     tie = pg.CurvePoint(name="slot", body="pin", point=(0.0, 0.0, 0.0), other="plate",
                         curve=curve, closed=closed)  # fmt: skip
     return pg.Model(bodies=[plate, pin], constraints=[tie], gravity=(0, 0, 0))  # fmt: skip
 
 
+def posed(run: Any, body: str) -> Any:
+    """The origin (n, 3) and the rotation (n, 3, 3) of a body."""
+    pose = np.asarray(run.body_pose[body])
+    return pose[:, :3], np.array([matrix(p) for p in pose[:, 3:]])
+
+
 def momentum(run: Any) -> Any:
     """The momentum and the angular momentum (n, 6) of all bodies about the origin."""
     found = 0.0
     for body in run.model.bodies:
-        state = run.body(body.name)
-        spin, speed = state.angular_velocity, state.velocity
-        turn = state.rotation
+        place, turn = posed(run, body.name)
+        spin, speed = np.split(np.asarray(run.body_velocity[body.name]), 2, axis=1)
         arm = turn @ np.array(body.com)
         v = speed + np.cross(spin, arm)
         inertia = turn @ np.array(body.inertia) @ turn.swapaxes(1, 2)
         own = np.einsum("nij,nj->ni", inertia, spin)
         p = body.mass * v
-        found = found + np.column_stack((p, own + np.cross(state.position + arm, p)))
+        found = found + np.column_stack((p, own + np.cross(place + arm, p)))
     return found
 
 
@@ -159,8 +166,8 @@ def test_two_free_bodies_keep_momentum_and_energy(closed):
     kept = momentum(run)
     assert np.abs(kept - kept[0]).max() < 1e-10
     track = pg.Track(points=ARCH, closed=closed)
-    plate, pin = run.body("plate"), run.body("pin")
-    seen = np.einsum("nji,nj->ni", plate.rotation, pin.position - plate.position)
+    (plate, turn), (pin, _) = posed(run, "plate"), posed(run, "pin")
+    seen = np.einsum("nji,nj->ni", turn, pin - plate)
     near = np.array([track.at(q)[0] for q in track.nearest(seen)])
     assert np.abs(near - seen).max() < 1e-10
     assert np.ptp(track.nearest(seen)) > 0.5
@@ -170,11 +177,11 @@ def test_two_free_bodies_keep_momentum_and_energy(closed):
 def test_a_point_keeps_its_branch_where_a_curve_crosses_itself(side):
     """A figure of eight: the bead goes straight on through its centre, in either direction."""
     start = np.array((math.sin(side), 0, 0.5 * math.sin(2 * side)))
-    along = 4.0 * np.array((math.cos(side), 0, math.cos(2 * side)))
+    along = 6.0 * np.array((math.cos(side), 0, math.cos(2 * side)))
     run = pg.simulate(bead(EIGHT, start, along), t_end=4, rtol=1e-10, frames=2001)
     x, _, z = run.q.T
     crossing = np.flatnonzero(x[1:] * x[:-1] < 0.0)
-    assert len(crossing) > 4
+    assert len(crossing) > 2
     assert (z[crossing] * z[crossing + 1] < 0.0).all()  # it comes out opposite
     assert run.energy_drift < 1e-8
 
@@ -207,17 +214,17 @@ def test_a_pin_in_a_slot_turns_a_crank_as_a_slider_does():
 def test_steps_have_the_same_bits_from_any_beginning(method):
     """In a run, in a stepper that was elsewhere before, and in a batch."""
     step, count = 2e-3, 200
-    model = bead(EIGHT, (math.sin(0.5), 0, 0.5 * math.sin(1.0)), (0, 0, 0), far=True)
+    start = math.sin(0.5), 0, 0.5 * math.sin(1.0)
+    model = bead(EIGHT, start, far=method == "moreau_jean")
     options = {"method": method, "step": step}
     run = pg.simulate(model, t_end=count * step, frames=count + 1, estimate=False, **options)
     stepper = pg.Stepper(model, **options)
-    start = stepper.save() if hasattr(stepper, "save") else None
     for _ in range(77):
         stepper.step()
     stepper.reset()
     for k in range(count):
         stepper.step()
-        assert (stepper.q == run.q[k + 1]).all(), (k, start)
+        assert (stepper.q == run.q[k + 1]).all()
     batch = pg.BatchStepper(model, 3, **options)
     for _ in range(count):
         batch.step()
@@ -240,8 +247,6 @@ def test_derivatives_are_those_of_differences(curve, paths, method):
         return pg.simulate(model, t_end=0.4, method=method, frames=2, **options).q[-1]
 
     run = pg.simulate(model, t_end=0.4, method=method, wrt=paths, frames=2, **options)
-    from pgraph_core.simulation.paths import Path
-
     for path in paths:
         present, h = Path(model, path, "test").present, 1e-3
         ends = [last(model.edit(path, present + k * h)) for k in (-2, -1, 1, 2)]
@@ -283,11 +288,9 @@ def test_a_curve_survives_files_copies_and_names():
 def test_a_mirror_image_moves_as_the_mirror_image():
     left = bead(ARCH, ARCH[3], (0.1, 0.2, 0.3)).edit("bead", name="left")
     run = pg.simulate(left.mirror("left", "y"), t_end=0.5, **FINE)
-    one, other = run.q[:, :3], run.q[:, 3:]
+    one, other = (posed(run, name)[0] for name in ("left", "right"))
     assert np.abs(one - one[0]).max() > 0.05
-    assert np.abs(run.body("left").position[:, 1] + run.body("right").position[:, 1]).max() < 1e-9
-    assert np.abs(run.body("left").position[:, 2] - run.body("right").position[:, 2]).max() < 1e-9
-    assert np.abs(one - other).max() < 1e-9  # coordinates of slides keep their values
+    assert np.abs(other * (1, -1, 1) - one).max() < 1e-9
 
 
 def test_a_run_tells_a_beginning_at_a_crossing():
