@@ -76,7 +76,7 @@ def beside(rng, model, fields):
     place = position[a] + rotation[a] @ fields["point"]
     place = rotation[b].T @ (place - position[b]) if b >= 0 else place
     across, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    flat = np.array(((-1.0, 0.3), (-0.2, 0.1), (0.7, -0.2), (1.5, 0.5), (0.8, 1.4)))
+    flat = 4.0 * np.array(((-1.0, 0.3), (-0.2, 0.1), (0.7, -0.2), (1.5, 0.5), (0.8, 1.4)))
     return place + 0.1 * rng.normal(size=3) + flat @ across[:2]
 
 
