@@ -200,10 +200,10 @@ def summary(run: Run) -> list[Line]:
         (METHOD, method(result), True),
         (
             ERROR,
-            f"{_accuracy(run)}{why(estimate)}" if estimated else "",
+            f"{_accuracy(run)}{why(run, estimate)}" if estimated else "",
             estimate < POOR,
         ),
-        (ENERGY, f"{drift(result)}{why(off)}", off < POOR),
+        (ENERGY, f"{drift(result)}{why(run, off)}", off < POOR),
     ]
     if run.model.constraints and len(result.constraint_drift):
         position, velocity = result.constraint_drift.max(axis=0)
@@ -234,9 +234,12 @@ def _accuracy(run: Run) -> str:
     return ": ".join(filter(None, (felt(run), run.result.accuracy.partition(", ")[2])))
 
 
-def why(error: float) -> str:
+def why(run: Run, error: float) -> str:
     """Return advice for a large error or drift, or "" if it is small."""
-    return "; a smaller step makes it smaller" if error >= POOR else ""
+    better = remedy(run)
+    if better is None or not error >= POOR:
+        return ""
+    return f"; a smaller {'step' if better[1] == 'step' else 'tolerance'} makes it smaller"
 
 
 def cost(result: Any) -> str:

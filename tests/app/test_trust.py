@@ -93,6 +93,8 @@ def test_a_rough_run_offers_half_its_step_or_a_tighter_tolerance(given, field, v
     label, named, text = remedy(run)
     assert (named, float(text)) == (field, value)
     assert label
+    report = {name: line for name, line, _ in summary(run)}["Energy drift"]
+    assert f"a smaller {'step' if field == 'step' else 'tolerance'}" in report
     assert remedy(estimated(FREE, 1e-3, header={"method": "rk4"})) is None
 
 
