@@ -14,18 +14,19 @@ for x in (0.0, 0.4):
     stations.append(pg.Pulley("block", point=(x, 0, 0), radius=0.1, axis=ACROSS))
     stations.append(pg.Pulley("ground", point=(x + 0.2, 0, 0), radius=0.1, axis=ACROSS))
 rope = pg.Rope(name="rope", through=[*stations, pg.Pulley("drum", radius=0.08, side=1)])
-motor = pg.Motor(name="motor", body="drum", torque=41)
+motor = pg.Motor(name="motor", body="drum", torque=40.5)
 crane = pg.Model(bodies=[drum, block], constraints=[rope], forces=[motor])
-run = pg.simulate(crane, t_end=4)
+run = pg.simulate(crane, t_end=3)
 lifted, turns = run.q[-1, 1] - run.q[0, 1], abs(run.q[-1, 0]) / (2 * np.pi)
 print(f"the block rises by {lifted:.3f} m in {turns:.2f} turns of the drum")
-print(f"tension of the rope: {run.tension['rope'][-1]:.1f} N, a quarter of {200 * 9.81:.0f} N + m a")
+pull = run.tension["rope"][-1]
+print(f"tension of the rope: {pull:.1f} N, a quarter of {200 * 9.81:.0f} N and of m a")
 balance = run.energy[-1] - run.energy[0] - run.work[-1]
 print(f"energy less work of the motor: {abs(balance) / run.work[-1]:.0e} of it")
 
 # an elastic belt with a pretension drives a flywheel at a third of the speed
 pinion = pg.Body(name="pinion", axes=[ACROSS], mass=1, inertia=(1e-3, 2e-3, 1e-3))
-flywheel = pg.Body(name="flywheel", axes=[ACROSS], link=(0.5, 0, 0), mass=9, inertia=(0.1, 0.2, 0.1))
+flywheel = pg.Body(name="flywheel", axes=[ACROSS], link=(0.5, 0, 0), mass=9, inertia=(0.1,) * 3)
 belt = pg.belt(["pinion", "flywheel"], radii=(0.05, 0.15), stiffness=4e4, damping=40, tension=120)
 start = pg.Motor(name="start", body="pinion", torque={"t": [0, 0.2], "value": [0, 3]})
 drive = pg.Model(bodies=[pinion, flywheel], forces=[belt, start])
