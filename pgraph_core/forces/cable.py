@@ -69,6 +69,10 @@ class Cable(OnBody):
     )  # fmt: skip
 
     @classmethod
+    def _followers(cls) -> Any:
+        return {**super()._followers(), "through": ("body",)}
+
+    @classmethod
     def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
         return Pulley.from_body_to_body(body, other)
 

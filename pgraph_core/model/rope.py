@@ -50,6 +50,10 @@ class Rope(Constraint):
     )  # fmt: skip
 
     @classmethod
+    def _followers(cls) -> Any:
+        return {**super()._followers(), "through": ("body",)}
+
+    @classmethod
     def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
         return Pulley.from_body_to_body(body, other)
 

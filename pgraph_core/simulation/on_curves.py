@@ -35,7 +35,7 @@ def on_curves(record: Running) -> Iterator[str]:
             continue
         low, high = c.curve.pieces.x[[0, -1]].tolist()
         q, slack = c.curve.nearest(places), NOTABLE * (high - low)
-        beyond = (q < low - slack) | (q > high + slack)
+        beyond = ((q < low - slack) | (q > high + slack)) & _acts(record, c.name, n)
         i = int(np.argmax(beyond)) if beyond.any() else n
         if i < (n if first is None else first[0]):
             first = i, c
@@ -46,6 +46,15 @@ def on_curves(record: Running) -> Iterator[str]:
             f"{record.steps.times[i]:.6g} s, where the bend of the end goes on; give more points, "
             "or stop it by a limit or a contact"
         )
+
+
+def _acts(record: Running, name: str, n: int) -> Array:
+    """Return a mask (n,) of the frames in which a constraint has a force, since it may be off."""
+    blocks = record.mech.packed.blocks
+    k = blocks.names.index(name)
+    own = record.out.wrenches[:n, blocks.first[k] : blocks.first[k + 1]]
+    acts: Array = own.any(axis=(1, 2))
+    return acts if acts.any() else ~acts
 
 
 def _places(record: Running, c: CurvePoint, n: int) -> Array:

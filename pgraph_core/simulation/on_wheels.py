@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from ..analysis.rows import Rows
 from ..packing import Array
 from ..packing.cable_lines import Lying, cables_of, spans_in
-from ..tolerances import NOTABLE, VISIBLE
+from ..tolerances import NOTABLE, SOLVED, VISIBLE
 from .running import Running
 
 HALF_TURN = 0.95 * np.pi  # rad: frames may miss the jump itself
+MEETING = 1e-2  # length of a span, over its wheels and all spans, below which its ends meet
 
 
 def on_wheels(record: Running) -> Iterator[str]:
@@ -42,6 +44,12 @@ def _left(cable: Lying, point: Any, turn: Any) -> str:
         spans = spans_in(rows, names, point, turn)
         wheels = [k for k in range(len(rows)) if rows[k]["radius"]]
         axes = {k: turn(names[k]) @ rows[k]["axis"] for k in wheels}
+        for k, (span, a, b) in enumerate(zip(spans, names, names[1:])):
+            if np.linalg.norm(span[3:6] - span[:3]) < MEETING * _size(rows[k : k + 2], spans):
+                return (
+                    f"'{a}' and '{b}', which follow each other along it, have come together; stop "
+                    "them before by a limit of a joint or a contact"
+                )
         for k in wheels:
             if k - 1 in axes and abs(axes[k - 1] @ axes[k]) < 1.0 - NOTABLE:
                 return (
@@ -83,8 +91,8 @@ def pushing(record: Running) -> Iterator[str]:
         for own, k in segments_of(packed.blocks, name):
             spans, _ = rope_spans(packed, k, record.out.q[:n, : record.mech.nq].copy())
             pull = np.einsum("nk,nk->n", record.out.wrenches[:n, k, 3:6], spans[:, 0, 6:])
-            pushes = np.flatnonzero(pull < -VISIBLE * np.abs(pull).max(initial=0.0))
-            if len(pushes) and not _is_relative(packed, name):
+            pushes = np.flatnonzero(pull < -SOLVED * np.abs(pull).max(initial=0.0))
+            if len(pushes) and not _is_relative(record, name):
                 t = record.steps.times[pushes[0]]
                 yield (
                     f"constraint '{name}': its segment '{own}' would have to push from t = "
@@ -94,7 +102,20 @@ def pushing(record: Running) -> Iterator[str]:
                 break
 
 
-def _is_relative(packed: Any, name: str) -> bool:
-    """Check whether a belt has segments whose tensions are relative to an unknown pretension."""
-    part = next(c for c in packed.model.constraints if c.name == name)
-    return bool(part.closed)
+def _is_relative(record: Running, name: str) -> bool:
+    """Check whether the tensions of a belt are relative to an unknown pretension.
+
+    The rows of its segments are then redundant: no motion changes the sum of their lengths.
+    """
+    mech = record.mech
+    k = mech.packed.blocks.names.index(name)
+    if not mech.model.part(name, kind="constraint").closed:
+        return False
+    rows = Rows.of(mech, np.array([k]), record.out.q[0, : mech.nq].copy()).J
+    return int(np.linalg.matrix_rank(rows)) < len(rows)
+
+
+def _size(rows: Any, spans: Array) -> float:
+    """Return the size of the ends of a span, or for two points that of the longest span [m]."""
+    wide = float(np.abs(rows["radius"]).max())
+    return wide or float(np.linalg.norm(spans[:, 3:6] - spans[:, :3], axis=1).max())
