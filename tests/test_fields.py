@@ -16,7 +16,7 @@ KINDS = [
     *pg.Force.KINDS.values(), *pg.Constraint.KINDS.values(),
 ]  # fmt: skip
 FIELDS = [(kind, name) for kind in KINDS for name in kind.model_fields]
-VECTORS = ("point", "direction", "vector", "axial", "frame", "tensor", "screw", "joint")
+VECTORS = ("point", "direction", "vector", "axial", "frame", "tensor", "screw", "joint", "track")
 
 
 def where(kind):
@@ -61,6 +61,7 @@ TEXTS = [
     (kind, name)
     for kind, name in FIELDS
     if "str" in (holds := str(kind.model_fields[name].annotation)) and "Literal" not in holds
+    if not (name == "body" and "through" in kind.model_fields)  # it follows from the stations
 ]
 
 
