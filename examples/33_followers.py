@@ -23,7 +23,7 @@ followers = {
     "flat": {"base_radius": 0.06},
 }
 for follower, sizes in followers.items():
-    lift = pg.Cam("lift", body="valve", other="shaft", motion=turn, follower=follower, **sizes)
+    lift = pg.Cam(name="lift", body="valve", other="shaft", motion=turn, follower=follower, **sizes)
     model = pg.Model(bodies=[shaft, valve], constraints=[lift, drive], forces=[press])
     run = pg.simulate(model, t_end=0.2, frames=721)
     angle = math.degrees(np.abs(run["pressure_angle.lift"]).max())

@@ -9,11 +9,11 @@ UP, ACROSS = (0, 0, 1), (0, 1, 0)
 # a winch lifts a block on four strands: its motor does the work
 drum = pg.Body(name="drum", axes=[ACROSS], link=(0.7, 0, -2), mass=5, inertia=(0.03, 0.05, 0.03))
 block = pg.Body(name="block", joint="prismatic", axes=[UP], link=(0, 0, -2), mass=200)
-stations = [("ground", (-0.1, 0, 0))]
+stations = [pg.Pulley(body="ground", point=(-0.1, 0, 0))]
 for x in (0.0, 0.4):
-    stations.append(pg.Pulley("block", point=(x, 0, 0), radius=0.1, axis=ACROSS))
-    stations.append(pg.Pulley("ground", point=(x + 0.2, 0, 0), radius=0.1, axis=ACROSS))
-rope = pg.Rope(name="rope", through=[*stations, pg.Pulley("drum", radius=0.08, side=1)])
+    stations.append(pg.Pulley(body="block", point=(x, 0, 0), radius=0.1, axis=ACROSS))
+    stations.append(pg.Pulley(body="ground", point=(x + 0.2, 0, 0), radius=0.1, axis=ACROSS))
+rope = pg.Rope(name="rope", through=[*stations, pg.Pulley(body="drum", radius=0.08, side=1)])
 motor = pg.Motor(name="motor", body="drum", torque=40.5)
 crane = pg.Model(bodies=[drum, block], constraints=[rope], forces=[motor])
 run = pg.simulate(crane, t_end=3)
@@ -36,7 +36,7 @@ tight, loose = (run.tension[f"belt[{k}]"][-1] for k in (1, 2))
 print(f"speeds {ratio:.3f}:1, tensions {tight:.0f} and {loose:.0f} N")
 
 # a weight is thrown up: its rope slackens, and becomes taut by a jerk
-wheel = pg.Pulley("ground", radius=0.1, axis=ACROSS)
+wheel = pg.Pulley(body="ground", radius=0.1, axis=ACROSS)
 left = pg.Body(name="left", joint="prismatic", axes=[UP], link=(-0.1, 0, -1), mass=3)
 right = pg.Body(name="right", joint="prismatic", axes=[UP], link=(0.1, 0, -1.5), mass=1, v=(2,))
 slack = pg.Cable(name="rope", through=["left", wheel, "right"])

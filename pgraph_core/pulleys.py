@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, ClassVar, Literal, Self
 
@@ -15,9 +15,11 @@ from .fields import (
     Described,
     Flag,
     Number,
+    OfKinds,
     Text,
     Vec3,
     field,
+    listed,
     maybe_vector,
     refuse,
     refuse_no_direction,
@@ -70,11 +72,6 @@ class Pulley(Described):
         default=None, help="whether the cable moves with the rim; default: if the wheel is centred "
         "on the hinge of its body",
     )  # fmt: skip
-
-    @classmethod
-    def from_body_to_body(cls, body: str, other: str) -> dict[str, Any]:
-        """Return the fields of a new cable between the origins of two bodies."""
-        return {"through": (cls(body=body), cls(body=other))}
 
     @model_validator(mode="after")
     def _round(self) -> Self:
@@ -158,3 +155,46 @@ def way_problems(through: tuple[Pulley, ...], closed: bool) -> list[tuple[str, s
     if all(x.body == GROUND for x in through):
         return [("through", "all its points are on the ground; put one of them on a moving body")]
     return []
+
+
+Place = Pulley | str | tuple[str, Sequence[float]] | Mapping[str, Any]
+stations: Callable[[Iterable[Place]], tuple[Pulley, ...]] = listed
+
+
+class AlongPulleys(OfKinds):
+    """A part along points and wheels, of which `body` is the first moving body."""
+
+    PLACES: ClassVar[tuple[str, ...]] = ("through",)
+
+    body: Text = field("the name of a body", default=GROUND, label="Body")
+    through: tuple[Pulley, ...] = field(
+        "a list of two or more points (body, [x, y, z]) [m] and pulleys {'body': name, 'radius': "
+        "length}, in their order",
+        converter=stations, role="parts", help="points and wheels along it, in their order",
+    )  # fmt: skip
+    closed: Flag = field(
+        "true or false", default=False, help="whether it is a belt that returns to its first wheel"
+    )
+
+    @classmethod
+    def _followers(cls) -> Mapping[str, tuple[str, ...]]:
+        return {**super()._followers(), "through": ("body",)}
+
+    @classmethod
+    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
+        return {"through": (Pulley(body=body), Pulley(body=other))}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _ends(cls, data: Any) -> Any:
+        """Set `body` to the first moving body."""
+        return with_body(data)
+
+    @model_validator(mode="after")
+    def _led(self) -> Self:
+        refuse(way_problems(self.through, self.closed))
+        return self
+
+    @property
+    def _links(self) -> tuple[tuple[str, str], ...]:
+        return links_of(self.through, self.closed)

@@ -12,14 +12,14 @@ from ..engine.compiler.jit import part
 from ..engine.compiler.masks import chosen, larger, more
 from ..engine.records import REAL
 from ..engine.vec import scale
-from ..fields import Flag, Number, field, parts_of, refuse
-from ..pulleys import Pulley, way_problems, with_body
+from ..fields import Number, field, refuse
+from ..pulleys import AlongPulleys
 from ..units import M, N, S
 from .base import KIND, Action, Array, Load, OnBody, Places, opposed, row
 from .strut import above
 
 
-class Cable(OnBody):
+class Cable(AlongPulleys, OnBody):
     """An elastic cable or belt that leads through points and over wheels, and only pulls.
 
     A wheel that it grips divides it into segments, each of which has its own tension: `stiffness`
@@ -38,18 +38,8 @@ class Cable(OnBody):
     PASSIVE: ClassVar[bool] = True
     SCALES: ClassVar[tuple[str, ...]] = ("stiffness",)
     SINCE: ClassVar[int] = 9
-    PLACES: ClassVar[tuple[str, ...]] = ("through",)
 
     kind: Literal["cable"] = field(KIND, default="cable")
-    through: tuple[Pulley, ...] = field(
-        "a list of two or more points (body, [x, y, z]) [m] and pulleys {'body': name, 'radius': "
-        "length}, in their order",
-        converter=parts_of(Pulley), role="parts",
-        help="points and wheels along the cable, in their order",
-    )  # fmt: skip
-    closed: Flag = field(
-        "true or false", default=False, help="whether it is a belt that returns to its first wheel"
-    )
     stiffness: Number | None = field(
         "a number > 0 [N/m], or None if it does not stretch",
         default=None, gt=0, dim=N / M,
@@ -68,23 +58,8 @@ class Cable(OnBody):
         default=0.0, ge=0, dim=N, help="tension in the initial state",
     )  # fmt: skip
 
-    @classmethod
-    def _followers(cls) -> Any:
-        return {**super()._followers(), "through": ("body",)}
-
-    @classmethod
-    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
-        return Pulley.from_body_to_body(body, other)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _ends(cls, data: Any) -> Any:
-        """Set `body` to the first moving body along the cable."""
-        return with_body(data)
-
     @model_validator(mode="after")
-    def _led(self) -> Self:
-        refuse(way_problems(self.through, self.closed))
+    def _possible(self) -> Self:
         if self.tension and self.length is not None:
             text = "give either `length` or the tension in the initial state, which determines it"
             refuse([("tension", text)])

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Literal, Self
-
-from pydantic import model_validator
+from typing import Any, ClassVar, Literal
 
 from ..errors import ModelError, Problem
-from ..fields import Flag, Number, field, parts_of, refuse
+from ..fields import Number, field
 from ..forces import Cable
-from ..pulleys import Pulley, links_of, way_problems, with_body
+from ..pulleys import AlongPulleys, Pulley
 from ..units import M
 from .constraint import KIND, Constraint
 
 
-class Rope(Constraint):
+class Rope(AlongPulleys, Constraint):
     """A rope or belt of constant length, which is always taut.
 
     It leads through points and over wheels, in their order. A wheel that it grips divides it into
@@ -25,52 +23,19 @@ class Rope(Constraint):
     Examples
     --------
     >>> import pgraph_core as pg
-    >>> through = [("left", (0, 0, 0)), pg.Pulley("sheave", radius=0.1), ("right", (0, 0, 0))]
+    >>> through = [("left", (0, 0, 0)), pg.Pulley(body="sheave", radius=0.1), ("right", (0, 0, 0))]
     >>> pg.Rope(name="rope", through=through).through[1].radius
     0.1
     """
 
     ABOUT: ClassVar[str] = "a rope or belt of constant length over wheels and points"
     SINCE: ClassVar[int] = 9
-    PLACES: ClassVar[tuple[str, ...]] = ("through",)
 
     kind: Literal["rope"] = field(KIND, default="rope")
-    through: tuple[Pulley, ...] = field(
-        "a list of two or more points (body, [x, y, z]) [m] and pulleys {'body': name, 'radius': "
-        "length}, in their order",
-        converter=parts_of(Pulley), role="parts",
-        help="points and wheels along the rope, in their order",
-    )  # fmt: skip
-    closed: Flag = field(
-        "true or false", default=False, help="whether it is a belt that returns to its first wheel"
-    )
     length: Number | None = field(
         "a length > 0 between its ends [m]; default: as in the initial state",
         default=None, gt=0, dim=M, help="length between its ends; default: as in the initial state",
     )  # fmt: skip
-
-    @classmethod
-    def _followers(cls) -> Any:
-        return {**super()._followers(), "through": ("body",)}
-
-    @classmethod
-    def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
-        return Pulley.from_body_to_body(body, other)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _ends(cls, data: Any) -> Any:
-        """Set `body` to the first moving body along the rope."""
-        return with_body(data)
-
-    @model_validator(mode="after")
-    def _led(self) -> Self:
-        refuse(way_problems(self.through, self.closed))
-        return self
-
-    @property
-    def _links(self) -> tuple[tuple[str, str], ...]:
-        return links_of(self.through, self.closed)
 
     def _blocks(self, e: Any) -> list[Any]:
         return e.roped(self.through, self.closed, self.length)
@@ -112,6 +77,6 @@ def belt(
         text = f"needs two bodies, got {len(names)}; give the side of every pg.Pulley of a pg.Rope"
         raise ModelError(Problem(where, "crossed", text))
     sides = (1, -1) if crossed else (1,) * len(names) if len(names) == 2 else (None,) * len(names)
-    through = [Pulley(x, radius=r, side=side) for x, r, side in zip(names, sizes, sides)]
+    through = [Pulley(body=x, radius=r, side=side) for x, r, side in zip(names, sizes, sides)]
     kind: Any = Cable if fields.get("stiffness") is not None else Rope
     return kind(name=name, through=through, closed=True, **fields)
