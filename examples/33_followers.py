@@ -36,6 +36,6 @@ for follower, sizes in followers.items():
     print(f"  and the guide of the valve carries up to {guide:.0f} N")
 
 try:
-    lift.model_copy(update={"base_radius": 0.03})
+    pg.Cam(name="lift", body="valve", other="shaft", motion=turn, follower="flat", base_radius=0.03)
 except pg.ModelError as error:
     print(error)

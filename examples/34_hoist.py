@@ -22,7 +22,7 @@ print(f"the block rises by {lifted:.3f} m in {turns:.2f} turns of the drum")
 pull = run.tension["rope"][-1]
 print(f"tension of the rope: {pull:.1f} N, a quarter of {200 * 9.81:.0f} N and of m a")
 balance = run.energy[-1] - run.energy[0] - run.work[-1]
-print(f"energy less work of the motor: {abs(balance) / run.work[-1]:.0e} of it")
+print(f"the energy is the work of the motor: {abs(balance) < 1e-10 * run.work[-1]}")
 
 # an elastic belt with a pretension drives a flywheel at a third of the speed
 pinion = pg.Body(name="pinion", axes=[ACROSS], mass=1, inertia=(1e-3, 2e-3, 1e-3))

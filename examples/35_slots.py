@@ -44,9 +44,8 @@ size = 0.1 + 0.02 * np.cos(2 * angle)
 groove = np.column_stack((size * np.cos(angle), 0 * angle, size * np.sin(angle)))
 disc = pg.Body(name="disc", axes=[(0, 1, 0)], inertia=(0.01, 0.01, 0.01), v=(20,))
 slide = pg.Body(name="slide", joint="prismatic", axes=[(0, 0, 1)], mass=0.5, q=(size[6],))
-pin = pg.CurvePoint(
-    name="pin", body="slide", point=(0, 0, 0), other="disc", curve=groove, closed=True
-)
+closed = {"points": groove, "closed": True}
+pin = pg.CurvePoint(name="pin", body="slide", point=(0, 0, 0), other="disc", curve=closed)
 run = pg.simulate(pg.Model(bodies=[disc, slide], constraints=[pin]), t_end=3, rtol=1e-10)
 print(f"the slide moves between {run.q[:, 1].min():.4f} and {run.q[:, 1].max():.4f} m")
 print(f"energy is kept: {run.energy_drift < 1e-6}")

@@ -102,7 +102,8 @@ def with_body(data: Any) -> Any:
     through = along(data["through"])
     named = (x.get("body") if isinstance(x, Mapping) else getattr(x, "body", None) for x in through)
     first = next((name for name in named if name != GROUND), GROUND)
-    return {**data, "through": through, "body": first}
+    follows = isinstance(data.get("body"), str | None)  # anything else is refused
+    return {**data, "through": through, **({"body": first} if follows else {})}
 
 
 def links_of(through: tuple[Pulley, ...], closed: bool) -> tuple[tuple[str, str], ...]:

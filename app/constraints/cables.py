@@ -71,7 +71,8 @@ def station(model: pg.Model, name: str, point: Vector | None = None) -> Fields:
 
 def hinge_of(body: pg.Body) -> np.ndarray | None:
     """Return the axis of a hinge (3,) in the axes of its body, or None for another joint."""
-    if [m.kind for m in body.sequence] != ["rotate"]:
+    facts = [m.facts for m in body.sequence]
+    if not (len(facts) == 1 and facts[0].single and facts[0].turns and not facts[0].travels):
         return None
     return np.asarray(unit_vector(body.sequence[0].axis))
 
@@ -248,9 +249,9 @@ def _normal(model: pg.Model, stations: Sequence[Fields], k: int, at: Mapping[str
     found = [lies[j].axis for j in beside]
     found += [turn @ matrix(x.rotation)[:, 2] for x in shapes if kind_of(x).rolls == "disc"]
     if len(beside) == 2:
-        spans = [lies[j].centre - lies[k].centre for j in beside]
-        long = math.prod(float(np.linalg.norm(span)) for span in spans)
-        found.append(np.cross(*spans) / (long or 1.0))
+        before, after = (lies[j].centre - lies[k].centre for j in beside)
+        long = float(np.linalg.norm(before) * np.linalg.norm(after))
+        found.append(np.cross(before, after) / (long or 1.0))
     found.append(np.eye(3)[1 if model.up == "z" else 2])  # it is seen from the front
     u = next(u for u in found if np.linalg.norm(u) > SURE)
     x, y, z = (round(float(c), 9) + 0.0 for c in turn.T @ (u / np.linalg.norm(u)))

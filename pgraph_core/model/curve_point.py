@@ -19,7 +19,8 @@ Given = Track | Mapping[str, Any] | Sequence[Sequence[float]]
 def _as_track(value: Any) -> Any:
     """Return points, the short form of a curve, as its fields."""
     value = listed(value)
-    return {"points": value} if isinstance(value, tuple) else value
+    points = isinstance(value, tuple) and not any(isinstance(x, int | float) for x in value)
+    return {"points": value} if points else value
 
 
 _track: Callable[[Given], Track] = _as_track

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
-from ..errors import ModelError, Problem
+from ..errors import ModelError, Problem, explained
 from ..fields import Number, field
 from ..forces import Cable
 from ..pulleys import AlongPulleys, Pulley
@@ -41,6 +41,7 @@ class Rope(AlongPulleys, Constraint):
         return e.roped(self.through, self.closed, self.length)
 
 
+@explained
 def belt(
     bodies: Sequence[str],
     radii: Sequence[float] | float,

@@ -11,12 +11,11 @@ from ..engine import layout as at
 from ..engine.cable_places import spans_of_segment
 from ..errors import ModelError
 from ..forces import Cable
+from ..forces.obstacles import DRAWN
 from ..model import Rope
 from . import Array
 from .cables import Segment, carrier_of
 from .forces import Placed
-
-DRAWN = 0.2  # rad between drawn points of an arc: chords within 0.5 % of the radius
 
 
 class Grip(NamedTuple):

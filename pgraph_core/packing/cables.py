@@ -20,11 +20,10 @@ from ..fields import GROUND
 from ..forces import VIA
 from ..pulleys import Pulley
 from ..rotation import unit_vector
-from ..tolerances import NOTABLE, SOLVED
+from ..tolerances import NOTABLE, SOLVED, VISIBLE
 from . import Array, joint_coordinates
 
 MOST_WRAP = 1.5 * math.pi  # rad: the other side of a wheel is meant beyond it
-STRAIGHT = 1e-3  # rad: below this bend of the line through the centres, its side is not certain
 
 Refuse = Callable[[str], Exception]
 
@@ -111,9 +110,9 @@ def _station(k: int, p: Pulley, at_: Any, model: Any, refuse: Refuse) -> Station
 
 def _hinge(name: str, at_: Any, model: Any) -> Hinge | None:
     """Return the hinge about which a body turns, also if it is fixed to one that does."""
-    while name != GROUND and not (body := model.body(name)).sequence:
-        name = body.parent
-    motions = () if name == GROUND else body.sequence
+    while name != GROUND and not model.body(name).sequence:
+        name = model.body(name).parent
+    motions = [] if name == GROUND else list(model.body(name).sequence)
     facts = [m.facts for m in motions]
     if not (len(facts) == 1 and facts[0].single and facts[0].turns and not facts[0].travels):
         return None
@@ -185,7 +184,7 @@ def _sense(found: list[Station], k: int, closed: bool, refuse: Refuse) -> float:
     before = found[k].centre - found[k - 1 if k else last - 1].centre
     after = found[k + 1 if k < last else 1].centre - found[k].centre
     bend = float(np.arctan2(u @ np.cross(before, after), _flat(before, u) @ _flat(after, u)))
-    if abs(bend) < STRAIGHT or abs(bend) > math.pi - STRAIGHT:
+    if abs(bend) < VISIBLE or abs(bend) > math.pi - VISIBLE:
         text = f"it may pass the wheel '{found[k].pulley.body}' on both sides; give side=1 if it "
         raise refuse(f"{text}turns about the axis by the right hand there, or side=-1")
     return float(np.sign(bend))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -48,13 +49,13 @@ def on_curves(record: Running) -> Iterator[str]:
         )
 
 
-def _acts(record: Running, name: str, n: int) -> Array:
+def _acts(record: Running, name: str, n: int) -> Any:
     """Return a mask (n,) of the frames in which a constraint has a force, since it may be off."""
     blocks = record.mech.packed.blocks
     k = blocks.names.index(name)
     own = record.out.wrenches[:n, blocks.first[k] : blocks.first[k + 1]]
-    acts: Array = own.any(axis=(1, 2))
-    return acts if acts.any() else ~acts
+    acts = np.any(own, axis=(1, 2))
+    return acts if np.any(acts) else np.logical_not(acts)
 
 
 def _places(record: Running, c: CurvePoint, n: int) -> Array:

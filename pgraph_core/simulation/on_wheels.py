@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from ..analysis.rows import Rows
+from ..model import Rope
 from ..packing import Array
 from ..packing.cable_lines import Lying, cables_of, spans_in
 from ..tolerances import NOTABLE, SOLVED, VISIBLE
 from .running import Running
 
 HALF_TURN = 0.95 * np.pi  # rad: frames may miss the jump itself
-MEETING = 1e-2  # length of a span, over its wheels and all spans, below which its ends meet
 
 
 def on_wheels(record: Running) -> Iterator[str]:
@@ -45,7 +45,7 @@ def _left(cable: Lying, point: Any, turn: Any) -> str:
         wheels = [k for k in range(len(rows)) if rows[k]["radius"]]
         axes = {k: turn(names[k]) @ rows[k]["axis"] for k in wheels}
         for k, (span, a, b) in enumerate(zip(spans, names, names[1:])):
-            if np.linalg.norm(span[3:6] - span[:3]) < MEETING * _size(rows[k : k + 2], spans):
+            if np.linalg.norm(span[3:6] - span[:3]) < VISIBLE * _size(rows[k : k + 2], spans):
                 return (
                     f"'{a}' and '{b}', which follow each other along it, have come together; stop "
                     "them before by a limit of a joint or a contact"
@@ -109,7 +109,8 @@ def _is_relative(record: Running, name: str) -> bool:
     """
     mech = record.mech
     k = mech.packed.blocks.names.index(name)
-    if not mech.model.part(name, kind="constraint").closed:
+    rope = mech.model.constraints[k]
+    if not (isinstance(rope, Rope) and rope.closed):
         return False
     rows = Rows.of(mech, np.array([k]), record.out.q[0, : mech.nq].copy()).J
     return int(np.linalg.matrix_rank(rows)) < len(rows)

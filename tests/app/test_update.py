@@ -230,7 +230,7 @@ def test_an_error_or_a_drift_above_one_percent_is_bad(method, drift, small):
         energy_drift=drift, relative_error=np.array([drift]), accuracy=f"{drift} rad",
         error_estimate=drift,
         message="done",
-        status=pg.Status.DONE, header={"method": method}, counters={}, timing={},
+        status=pg.Status.DONE, header={"method": method, "step": 1e-3}, counters={}, timing={},
         notices=(), constraint_drift=(),
     )  # fmt: skip
     lines = {line[0]: line[1:] for line in summary(Run(pg.Model.serial(1), Request(), result))}
