@@ -17,18 +17,17 @@ valve = pg.Body(name="valve", joint="prismatic", axes=[(0, 0, 1)], mass=0.5)
 drive = pg.Motion(name="drive", body="shaft", q_of_t="=10*pi*t")  # 300 rpm
 press = pg.Motor(name="press", body="valve", torque="=-60 - 2000*q.valve")  # a spring
 
-followers = {
-    "knife": {"base_radius": 0.04},
-    "roller": {"base_radius": 0.04, "roller_radius": 0.01, "eccentricity": 0.008},
-    "flat": {"base_radius": 0.06},
-}
-for follower, sizes in followers.items():
-    lift = pg.Cam(name="lift", body="valve", other="shaft", motion=turn, follower=follower, **sizes)
+knife = pg.Cam(name="lift", body="valve", other="shaft", motion=turn, base_radius=0.04)
+roller = pg.Cam(name="lift", body="valve", other="shaft", motion=turn, base_radius=0.04,
+                follower="roller", roller_radius=0.01, eccentricity=0.008)  # fmt: skip
+flat = pg.Cam(name="lift", body="valve", other="shaft", motion=turn, base_radius=0.06,
+              follower="flat")  # fmt: skip
+for lift in (knife, roller, flat):
     model = pg.Model(bodies=[shaft, valve], constraints=[lift, drive], forces=[press])
     run = pg.simulate(model, t_end=0.2, frames=721)
     angle = math.degrees(np.abs(run["pressure_angle.lift"]).max())
     force = run["normal_force.lift"]
-    print(f"{follower}: at most {angle:.1f} degrees, {force.min():.0f} to {force.max():.0f} N")
+    print(f"{lift.follower}: at most {angle:.1f} degrees, {force.min():.0f} to {force.max():.0f} N")
     print(f"  it stays on the cam: {force.min() > 0}")
     radius = np.linalg.norm(lift.profile(), axis=1)
     print(f"  its profile is from {1e3 * radius.min():.1f} to {1e3 * radius.max():.1f} mm")
