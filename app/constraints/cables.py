@@ -164,7 +164,7 @@ def settled(model: pg.Model, stations: Sequence[Fields], closed: bool) -> tuple[
     known: dict[int, float] = {}  # the sense of a wheel about the axis of the first one
     open_ = []
     for k in wheels if last else ():
-        same = _sign(lies[k].axis @ lies[wheels[0]].axis)
+        same = _sign(float(lies[k].axis @ lies[wheels[0]].axis))
         if found[k].get("side") is not None:
             known[k] = same * found[k]["side"]
         elif bend := 0.0 if k in (0, last) and not closed else _bend(lies, k, closed):
@@ -172,7 +172,7 @@ def settled(model: pg.Model, stations: Sequence[Fields], closed: bool) -> tuple[
         else:
             open_.append(k)
     for k in open_:
-        same = _sign(lies[k].axis @ lies[wheels[0]].axis)
+        same = _sign(float(lies[k].axis @ lies[wheels[0]].axis))
         beside = [j % len(found) for j in (k - 1, k + 1) if closed or 0 <= j <= last]
         sense = next((known[j] for j in beside if j in known), None)
         if sense is None:
@@ -195,8 +195,8 @@ def _bend(lies: Sequence[Lie], k: int, closed: bool) -> float:
     u, n = lies[k].axis, len(lies)
     before = lies[k].centre - lies[(k - 1) % n].centre
     after = lies[(k + 1) % n].centre - lies[k].centre
-    flat = [x - (x @ u) * u for x in (before, after)]
-    bend = math.atan2(u @ np.cross(*flat), flat[0] @ flat[1])
+    first, second = (x - (x @ u) * u for x in (before, after))
+    bend = math.atan2(float(u @ np.cross(first, second)), float(first @ second))
     return 0.0 if not SURE < abs(bend) < math.pi - SURE else _sign(bend)
 
 
