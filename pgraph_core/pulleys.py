@@ -143,8 +143,9 @@ def without_segment(name: str, known: Iterable[str]) -> tuple[str, int]:
 def way_problems(through: tuple[Pulley, ...], closed: bool) -> list[tuple[str, str]]:
     """Return what is wrong with the stations of a cable, as (field, text)."""
     if len(through) < 2:
-        text = f"needs two or more points and wheels, got {len(through)}; a rope leads from the "
-        return [("through", f"{text}first to the last one")]
+        only = f"only '{through[0].body}'" if through else "none"
+        text = f"needs two or more points and wheels, got {only}; a rope leads from the first to "
+        return [("through", f"{text}the last one")]
     if closed and not all(x.radius for x in through):
         point = next(k for k, x in enumerate(through, start=1) if not x.radius)
         text = f"number {point} of a closed belt is a point on '{through[point - 1].body}'; give "

@@ -23,12 +23,14 @@ CHARTS = """() => [...document.querySelectorAll("[data-view=part] .curve svg")].
 def test_a_slider_follows_a_wheel_by_two_clicks_and_typed_points(page: Any, compiled: Server):
     served = compiled
     opened(page, served, YOKE)
+    page.evaluate("pgraph.send('SetDisplay', {what: 'angle', value: 'deg'})")
     page.evaluate("pgraph.front('Connections')")
     page.locator("button.add-tie").click()
     page.keyboard.type("relation")
     page.keyboard.press("Enter")
     for name in ("slider", "wheel"):
-        page.locator(f".pgraph-banner:has-text('{'it follows' if name == 'wheel' else 'follows'}')")
+        asked = "it follows" if name == "wheel" else "follows"
+        page.locator(f".pgraph-banner:has-text('{asked}')").wait_for()
         row(page, name).locator("td.number").click()
     typed(part_field(page, "curve"), "0 0; 90deg 12mm; 180deg 20mm")
     page.wait_for_function(
