@@ -12,8 +12,8 @@ from pydantic import model_validator
 from .errors import shown
 from .fields import (
     GROUND,
-    Described,
     Flag,
+    Frozen,
     Number,
     OfKinds,
     Text,
@@ -30,7 +30,7 @@ from .units import M
 SEGMENT = re.compile(r"(.+)\[([1-9]\d?)\]", re.DOTALL)  # name and number of a part of a cable
 
 
-class Pulley(Described):
+class Pulley(Frozen):
     """A wheel on which a cable lies, or with radius 0 a point through which it passes.
 
     A cable grips a wheel that is centred on the hinge of its body, so that it moves with its rim,
@@ -44,7 +44,6 @@ class Pulley(Described):
     'sheave'
     """
 
-    WORD: ClassVar[str] = "pulley"
     FOLLOWERS: ClassVar[dict[str, tuple[str, ...]]] = {"radius": ("axis", "side", "grip")}
 
     body: Text = field("the name of a body, or 'ground'", label="Body")
