@@ -17,10 +17,10 @@ from .errors import shown
 from .fields import Expression, Frozen, Numbers, field, refuse, several
 from .signals import Node, parsed
 from .signals.grammar import COMPARISONS, walk
-from .tolerances import NOTABLE
+from .tolerances import NOTABLE, SOLVED
 
 Array = NDArray[np.float64]
-Ends = Literal["natural", "clamped", "periodic", "quintic"]
+Ends = Literal["natural", "clamped", "periodic", "quintic", "hermite"]
 
 
 class Pieces(NamedTuple):
@@ -39,7 +39,8 @@ class Curve(Frozen):
     there. A "quintic" one is a spline of degree 5 with neither slope nor bend at its ends, as a cam
     with dwells, and between two points the 3-4-5 polynomial. Beyond its ends such a curve is a
     straight line, so that only the bend of a clamped one jumps there. A "periodic" cubic spline
-    repeats its slope and its bend beyond its ends, and rises in each period by the same value.
+    repeats its slope and its bend beyond its ends, and rises in each period by the same value. A
+    "hermite" curve has the slopes of `slope` at its points, and a cubic between two of them.
 
     Examples
     --------
@@ -49,7 +50,10 @@ class Curve(Frozen):
 
     x: Numbers = field("two or more ascending coordinates [rad, m]", converter=several)
     value: Numbers = field("one finite number per coordinate [rad, m]", converter=several)
-    kind: Ends = field("one of natural, clamped, periodic, quintic", default="natural")
+    kind: Ends = field("one of natural, clamped, periodic, quintic, hermite", default="natural")
+    slope: Numbers = field(
+        "one finite number per coordinate of a hermite curve", converter=several, default=()
+    )
 
     @model_validator(mode="after")
     def _knots(self) -> Self:
@@ -61,6 +65,10 @@ class Curve(Frozen):
         if len(x) != len(value):
             sizes = f"{len(x)} coordinates and {len(value)} values"
             return [("value", f"needs one value per coordinate, got {sizes}")]
+        wanted = len(x) if self.kind == "hermite" else 0
+        if len(self.slope) != wanted:
+            text = f"a {self.kind} curve of {len(x)} points has {wanted} slopes"
+            return [("slope", f"{text}, got {len(self.slope)}")]
         least = 3 if self.kind == "periodic" else 2
         if len(x) < least:
             text = f"{self.kind} curve needs {least} or more points, got {len(x)}"
@@ -88,6 +96,20 @@ class Curve(Frozen):
         return None if self.kind in ("periodic", "quintic") else (self.x[0], self.x[-1])
 
     @cached_property
+    def corners(self) -> tuple[float, ...]:
+        """The coordinates at which the second derivative jumps."""
+        if self.kind == "clamped":
+            return self.x[0], self.x[-1]
+        if self.kind != "hermite":
+            return ()
+        places, powers, *_ = self.pieces
+        widths = np.diff(places)
+        before = 2.0 * powers[2] + 6.0 * powers[3] * widths
+        size = np.abs(np.concatenate((before, 2.0 * powers[2]))).max(initial=0.0)
+        jumps = np.abs(before[:-1] - 2.0 * powers[2, 1:]) > SOLVED * size
+        return tuple(places[1:-1][jumps].tolist())
+
+    @cached_property
     def pieces(self) -> Pieces:
         """The polynomials between the points, and a straight line past each end if it is open."""
         with np.errstate(all="ignore"):
@@ -99,7 +121,7 @@ class Curve(Frozen):
             slope = float(degrees @ (powers[1:, -1] * width ** (degrees - 1)))
             first, last = np.zeros((2, len(powers)))
             first[:2] = self.value[0] - span * powers[1, 0], powers[1, 0]
-            last[:2] = end, slope if self.kind == "natural" else 0.0
+            last[:2] = end, slope if self.kind in ("natural", "hermite") else 0.0
             places = np.concatenate(([places[0] - span], places, [places[-1] + span]))
             powers = np.column_stack((first, powers, last))
             return Pieces(places, powers, end + span * float(last[1]))
@@ -114,9 +136,11 @@ class Curve(Frozen):
         return found
 
     def _powers(self) -> Array:
-        from scipy.interpolate import CubicSpline, make_interp_spline
+        from scipy.interpolate import CubicHermiteSpline, CubicSpline, make_interp_spline
 
         x, value = np.array(self.x), np.array(self.value)
+        if self.kind == "hermite":
+            return np.array(CubicHermiteSpline(x, value, self.slope).c[::-1])
         if self.kind == "quintic":
             rest = [(1, 0.0), (2, 0.0)]
             spline = make_interp_spline(x, value, k=5, bc_type=(rest, rest))
@@ -155,16 +179,16 @@ def corners_of(
 ) -> list[tuple[Node, Node]]:
     """Return the pairs of trees that are equal where the second derivative jumps at a coordinate x.
 
-    These are the ends of a clamped curve, and those of each smoothstep in an expression. A
-    parameter that is called q is the parameter.
+    These are the ends of a clamped curve, the points of a hermite one at which it does, and the
+    ends of each smoothstep in an expression. A parameter that is called q is the parameter.
     """
     if isinstance(function, str):
         tree = parsed(function)
         tree = tree if "q" in parameters else _with_coordinate(tree, x)
         return [(n.args[0], end) for n in walk(tree) if n.op == "smoothstep" for end in n.args[1:]]
-    if isinstance(function, Polynomial) or function.kind != "clamped":
+    if isinstance(function, Polynomial):
         return []
-    return [(x, Node("number", value=end)) for end in (function.x[0], function.x[-1])]
+    return [(x, Node("number", value=end)) for end in function.corners]
 
 
 def _with_coordinate(node: Node, x: Node) -> Node:

@@ -44,13 +44,17 @@ _DIRECTIONS = np.vstack((
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 Pairs = Annotated[tuple[tuple[Finite, Finite], ...], Field(min_length=2)]
+Triples = Annotated[tuple[tuple[Finite, Finite, Finite], ...], Field(min_length=2)]
 Formula = Annotated[str, StringConstraints(min_length=1, max_length=200)]
-Function = Annotated[Finite | Pairs | Formula, BeforeValidator(listed)]
+Function = Annotated[Finite | Pairs | Triples | Formula, BeforeValidator(listed)]
 Given = float | str | Sequence[Sequence[float]]
 _function: Callable[[Given], Function] = listed
 _functions: Callable[[Sequence[Given]], tuple[Function, ...]] = listed
 _range: Callable[[Sequence[float] | None], tuple[float, float] | None] = listed
-FUNCTION = "a number, pairs [q, value] of a cubic spline, or an expression of q such as 'cos(q)'"
+FUNCTION = (
+    "a number, pairs [q, value] of a cubic spline, triples [q, value, slope] of a piecewise cubic, "
+    "or an expression of q such as 'cos(q)'"
+)
 
 
 MOST_STEPS = 32  # of a search for the nearest place: more are needed beside no smooth curve
@@ -279,7 +283,7 @@ def _negative(function: Any) -> Any:
     if isinstance(function, str):
         return f"-({function})"
     if isinstance(function, tuple):
-        return tuple((q, 0.0 - y) for q, y in function)
+        return tuple((q, *(0.0 - y for y in others)) for q, *others in function)
     return 0.0 - function
 
 
@@ -434,7 +438,7 @@ def _of_functions(track: Track) -> Pieces:
     """Return a piece between each two neighbouring knots of the splines."""
     functions = (track.x, track.y, track.z, *track.angles)
     low, high = _range_of(track)
-    breaks = {q for f in functions if isinstance(f, tuple) for q, _ in f if low < q < high}
+    breaks = {q for f in functions if isinstance(f, tuple) for q, *_ in f if low < q < high}
     of_q = [_evaluator(f, track.closed) for f in functions]
     axes = [unit_vector(axis) for axis in track.axes]
 
@@ -459,10 +463,12 @@ def _given(track: Track) -> str:
 
 
 def _evaluator(function: Any, closed: bool) -> Callable[[Array], Array]:
-    from scipy.interpolate import CubicSpline
+    from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
     if isinstance(function, tuple):
-        q, y = np.array(function).T
+        q, y, *slopes = np.array(function).T
+        if slopes:
+            return CubicHermiteSpline(q, y, *slopes)
         ends = "periodic" if closed and y[0] == y[-1] else "natural"
         return CubicSpline(q, y, bc_type=ends)
     if isinstance(function, str):

@@ -11,7 +11,7 @@ from pgraph_core.signals import is_expression
 from ..core.cells import Display, Quantity, Refusal, number, quantity
 from ..pose.solving import degrees
 
-KINDS = ("natural", "clamped", "periodic", "quintic", "polynomial", "expression")
+KINDS = ("natural", "clamped", "periodic", "quintic", "hermite", "polynomial", "expression")
 QUANTITIES: dict[str, Quantity] = {"rad": "angle", "m": "length", "": "number"}
 
 
@@ -42,8 +42,8 @@ def written(model: pg.Model, item: pg.Relation, display: Display) -> str:
     if isinstance(item.curve, pg.Polynomial):
         return " ".join(map(short, item.curve.coefficients))
     if isinstance(item.curve, pg.Curve):
-        of = quantities(model, item)
-        points = zip(item.curve.x, item.curve.value)
+        of = (*quantities(model, item), "number")
+        points = zip(*_columns(item.curve))
         return "; ".join(
             " ".join(short(display.shown(x, each)) for x, each in zip(point, of))
             for point in points
@@ -64,14 +64,16 @@ def curve_of(model: pg.Model, item: pg.Relation, text: str, display: Display) ->
         powers = tuple(map(number, text.replace(",", " ").split()))
         return {"kind": "polynomial", "coefficients": powers}
     rows = [row.replace(",", " ").split() for row in re.split("[;\\n]", text) if row.strip()]
-    if any(len(row) != 2 for row in rows):
-        raise Refusal("must be rows 'x value; x value; ...', as 0 0; 90deg 12mm; 180deg 20mm")
-    columns = [
-        tuple(quantity(x, of, display) for x in column)
-        for of, column in zip(quantities(model, item), zip(*rows))
-    ]
     kind = item.curve.kind if isinstance(item.curve, pg.Curve) else "natural"
-    return {**dict(zip(("x", "value"), columns)), "kind": kind}
+    names = ("x", "value", "slope") if kind == "hermite" else ("x", "value")
+    if any(len(row) != len(names) for row in rows):
+        shown = f"'{' '.join(names)}; {' '.join(names)}; ...'"
+        slopes = (" 1", " 0.5", " 0") if kind == "hermite" else ("", "", "")
+        points = zip(("0 0", "90deg 12mm", "180deg 20mm"), slopes)
+        raise Refusal(f"must be rows {shown}, as {'; '.join(x + y for x, y in points)}")
+    of: tuple[Quantity, ...] = (*quantities(model, item), "number")
+    columns = [tuple(quantity(x, u, display) for x in column) for u, column in zip(of, zip(*rows))]
+    return {**dict(zip(names, columns)), "kind": kind}
 
 
 def rekinded(old: Any, kind: str) -> Any:
@@ -88,4 +90,20 @@ def rekinded(old: Any, kind: str) -> Any:
     x, value = (old.x, old.value) if points else ((0.0, 1.0), (0.0, 1.0))
     if kind == "periodic" and len(x) == 2:
         x, value = (x[0], 0.5 * (x[0] + x[1]), x[1]), (value[0], value[1], value[0])
-    return {"x": x, "value": value, "kind": kind}
+    found = {"x": x, "value": value, "kind": kind}
+    if kind == "hermite":
+        found["slope"] = slopes_of(old) if points else (1.0, 1.0)
+    return found
+
+
+def slopes_of(curve: pg.Curve) -> tuple[float, ...]:
+    """Return the slopes of a curve at its points."""
+    places, powers, *_ = curve.pieces
+    slopes = dict(zip(places.tolist(), powers[1].tolist()))
+    if curve.x[-1] not in slopes:  # it repeats
+        slopes[curve.x[-1]] = slopes[curve.x[0]]
+    return tuple(slopes[x] for x in curve.x)
+
+
+def _columns(curve: pg.Curve) -> tuple[tuple[float, ...], ...]:
+    return (curve.x, curve.value, *((curve.slope,) if curve.slope else ()))

@@ -73,6 +73,7 @@ FUNCTIONS = {  # how the text of each kind of curve is written
             ("quintic", "rests beyond its ends"),
         )
     },
+    "hermite": "x value slope; ... [{}] [{}], the slopes in SI units: 0 0 1; 90deg 12mm 0",
     "polynomial": "c0 c1 c2 ... up to c7, of c0 + c1 x + c2 x² + ... [{}] [{}]",
     "expression": "=... of q, the coordinate of the other body: =0.02*(1-cos(q))",
 }

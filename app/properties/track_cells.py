@@ -18,7 +18,8 @@ HELP = {
     "track_up": "direction that z of the body keeps while x points along the curve; empty: no turn",
     "track_angles": "functions of q for rotations, parted by ,",
 } | {
-    f"track_{n}": f"{n} as a number, a function of q, or pairs of q and {n} parted by ;"
+    f"track_{n}": f"{n} as a number, a function of q, or pairs of q and {n}, or triples with its "
+    "slope, parted by ;"
     for n in FUNCTIONS
 }
 NUMBERS = re.compile(r"[\s,]+")
@@ -48,7 +49,7 @@ def _length(x: float, display: Display) -> str:
 
 def _text(function: Any) -> str:
     if isinstance(function, tuple):
-        return "; ".join(f"{q + 0.0:.10g} {y + 0.0:.10g}" for q, y in function)
+        return "; ".join(" ".join(f"{x + 0.0:.10g}" for x in row) for row in function)
     return function if isinstance(function, str) else f"{function + 0.0:.10g}"
 
 
@@ -88,7 +89,8 @@ def _rows(text: str, count: int, quantity: Any, display: Display) -> tuple[Any, 
 def _function(text: str, display: Display) -> Any:
     text = text.strip().removeprefix("=")
     if ";" in text:
-        return _rows(text, 2, "number", display)
+        first = NUMBERS.split(text.split(";")[0].strip())
+        return _rows(text, 3 if len(first) == 3 else 2, "number", display)
     try:
         return float(text)
     except ValueError:

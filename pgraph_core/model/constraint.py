@@ -439,8 +439,8 @@ class Relation(OfTwo):
     kind: Literal["relation"] = field(KIND, default="relation")
     curve: Function = field(
         "an expression of the other coordinate such as '=0.02*(1-cos(q))', points such as {'x': "
-        "[...], 'value': [...], 'kind': 'natural', 'clamped', 'periodic' or 'quintic'}, or {'kind':"
-        " 'polynomial', 'coefficients': [...]} [rad, m]",
+        "[...], 'value': [...], 'kind': 'natural', 'clamped', 'periodic', 'quintic' or 'hermite'} "
+        "(with 'slope'), or {'kind': 'polynomial', 'coefficients': [...]} [rad, m]",
         converter=_function, dim=Q, over=Q, label="Follows",
         help="joint coordinate as a function of the other one",
     )  # fmt: skip

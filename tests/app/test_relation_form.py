@@ -49,6 +49,16 @@ def test_a_new_relation_begins_at_the_present_coordinates():
     assert (curve.x[0], curve.value[0]) == (0.3, 0.1)
 
 
+def test_points_of_a_hermite_curve_have_slopes_and_begin_with_those_of_the_kind_before():
+    state = related("0 0; 90deg 12mm; 180deg 20mm", "natural")
+    curve = state.model.constraints[0].curve
+    edit = do.EditPart(ME, 1, "constraints", "relation", "function", (((), "hermite"),))
+    found = after(state, edit).model.constraints[0].curve
+    assert found.values(np.linspace(0, 3, 9)) == pytest.approx(curve.values(np.linspace(0, 3, 9)))
+    typed = related("0 0 1; 90deg 12mm 0.5", "hermite").model.constraints[0].curve
+    assert (typed.kind, typed.slope) == ("hermite", (1.0, 0.5))
+
+
 @pytest.mark.parametrize("kind", ["natural", "clamped", "quintic"])
 def test_points_are_typed_with_units(kind):
     state = related("0 0; 90deg 12mm; 180deg 20mm", kind)

@@ -250,6 +250,7 @@ BAD = [
     ({"x": "q"}, "range"),
     ({"x": "q", "range": (1, 0)}, "range"),
     ({"x": [(0, 1), (0, 2)]}, "x"),
+    ({"x": [(0, 1, 0), (0, 2, 0)]}, "x"),
     ({"x": [(0, 1), (1e-7, 2), (1, 3)]}, "x"),
     ({"x": [(0, 1), (1, 2)], "range": (0, 2)}, "x"),
     ({"angles": ["q", "q"], "axes": [(1, 0, 0), (2, 0, 0)], "range": (0, 1)}, "axes"),
@@ -265,6 +266,20 @@ def test_a_bad_track_is_refused_by_its_field(fields, field):
     with pytest.raises(pg.ModelError) as caught:
         pg.Track(**fields)
     assert [problem.field for problem in caught.value.problems] == [field]
+
+
+@pytest.mark.quick
+def test_triples_are_a_piecewise_cubic_with_their_slopes():
+    rows = ((-1.0, 0.1, 0.5), (0.2, 0.3, -0.2), (1.0, 0.0, 1.0))
+    track = pg.Track(x=rows, y="q", angles=[rows], axes=[(0, 0, 1)])
+    for q, value, slope in rows:
+        assert track.at(q)[0][0] == pytest.approx(value, abs=1e-14)
+        assert track.slope(q)[[2, 3]] == pytest.approx([slope, slope], abs=1e-10)  # of the fit
+    q = 0.2 + 0.8 * 0.4  # h00 y0 + h10 h m0 + h01 y1 + h11 h m1 at t = 0.4
+    assert track.at(q)[0][0] == pytest.approx(
+        0.648 * 0.3 + 0.144 * 0.8 * -0.2 - 0.096 * 0.8 * 1.0, abs=1e-14
+    )
+    assert track.mirrored((-1, 1, 1)).x[1] == (0.2, -0.3, 0.2)
 
 
 @pytest.mark.quick

@@ -21,6 +21,9 @@ CURVES: dict[str, Any] = {
     "clamped": pg.Curve(x=(-1.0, 0.2, 0.5, 1.5), value=(0.0, 0.4, 0.3, 1.0), kind="clamped"),
     "periodic": pg.Curve(x=(-1.0, 0.2, 0.5, 1.5), value=(0.0, 0.4, 0.3, 1.0), kind="periodic"),
     "quintic": pg.Curve(x=(-1.0, 0.2, 0.5, 1.5), value=(0.0, 0.4, 0.3, 1.0), kind="quintic"),
+    "hermite": pg.Curve(
+        x=(-1.0, 0.2, 1.5), value=(0.0, 0.4, 1.0), slope=(0.1, -0.3, 0.7), kind="hermite"
+    ),
 }
 
 
@@ -71,8 +74,10 @@ def test_slopes_are_those_of_the_values(kind, x):
 
 
 def test_curves_pass_through_their_points_and_repeat_or_go_on_linearly():
-    for kind in ("natural", "clamped", "periodic", "quintic"):
+    for kind in ("natural", "clamped", "periodic", "quintic", "hermite"):
         curve = CURVES[kind]
+        for x, slope in zip(curve.x, curve.slope):
+            assert function(curve, x)[1] == pytest.approx(slope, abs=1e-14)
         for x, value in zip(curve.x, curve.value):
             assert function(curve, x)[0] == pytest.approx(value, abs=1e-14)
         (low, high), (first, last) = (np.array(x)[[0, -1]] for x in (curve.x, curve.value))
@@ -386,6 +391,7 @@ def test_relations_that_mjcf_cannot_write_are_told(tmp_path):
     "curve",
     [
         pg.Curve(x=(0.3, 1.5), value=(0.0, 0.15), kind="clamped"),
+        pg.Curve(x=(0.3, 0.8, 1.5), value=(0.0, 0.1, 0.15), slope=(0.0, 0.2, 0.1), kind="hermite"),
         "=0.15*smoothstep(q.cam, 0.3, 1.5)",
     ],
 )
