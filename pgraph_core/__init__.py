@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .formats.conversion import Report as Report
     from .formats.mjcf import read_mjcf as read_mjcf
     from .formats.mjcf_out import write_mjcf as write_mjcf
+    from .formats.osim import read_osim as read_osim
     from .formats.urdf import read_urdf as read_urdf
     from .formats.urdf_out import write_urdf as write_urdf
     from .gait.controller import Controller as Controller

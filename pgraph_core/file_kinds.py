@@ -15,8 +15,8 @@ from .mesh_files import FORMATS, looks_like
 
 HEAD = 65536  # bytes of a file in which its first element stands
 FIRST = re.compile(rb"<([A-Za-z_][\w:.-]*)")
-MODELS = ".json, .urdf, .xacro, .xml (MJCF) or .mjcf"
-MINE = ("robot", "mujoco")  # first elements of the models in XML that are read
+MODELS = ".json, .urdf, .xacro, .xml (MJCF), .mjcf or .osim"
+MINE = ("robot", "mujoco", "OpenSimDocument")  # first elements of the models in XML that are read
 BLANK = b"\xef\xbb\xbf \t\r\n"  # a byte-order mark and white space
 ZIP = b"PK\3\4"
 OTHERS = "which is not read; give a URDF or MJCF file of the model"
@@ -42,7 +42,6 @@ KINDS = (
     FileKind("sdf world", f"is SDF, {OTHERS}", "sdf gazebo"),
     FileKind("usd usda usdc usdz", f"is USD, {OTHERS}", sign=rb"#usda|PXR-USDC"),
     FileKind("proto wbt", f"is a model of Webots, {OTHERS}", sign=rb"#VRML_SIM"),
-    FileKind("osim", f"is a model of OpenSim, {OTHERS}", "OpenSimDocument"),
     FileKind("skel ttt ttm slx mdl mo adm cmd bvh", f"is a model of another program, {OTHERS}"),
     FileKind("mjb", "is a compiled model of MuJoCo; give the MJCF file that it was made from"),
     FileKind(

@@ -1,4 +1,4 @@
-"""Read and write model files by suffix: URDF, MJCF and our JSON."""
+"""Read and write model files by suffix: URDF, MJCF, OpenSim and our JSON."""
 
 from __future__ import annotations
 
@@ -18,15 +18,24 @@ from ..model.files import FOREIGN, refuse_kind
 from .conversion import Report, nearest_inertia, why_unphysical
 from .mjcf import read_mjcf
 from .mjcf_out import write_mjcf
+from .osim import read_osim
 from .urdf import read_urdf
 from .urdf_out import write_urdf
 from .xacro import SUFFIX, no_arguments
 
-FORMATS = {"urdf": (read_urdf, write_urdf), "mjcf": (read_mjcf, write_mjcf)}
+FORMATS: dict[str, tuple[Any, Any]] = {  # name -> reader, and writer if there is one
+    "urdf": (read_urdf, write_urdf),
+    "mjcf": (read_mjcf, write_mjcf),
+    "osim": (read_osim, None),
+}
 READERS = {suffix: FORMATS[name][0] for suffix, name in FOREIGN.items()}
-WRITERS = {suffix: FORMATS[name][1] for suffix, name in FOREIGN.items()}
+WRITERS = {suffix: FORMATS[name][1] for suffix, name in FOREIGN.items() if FORMATS[name][1]}
 # suffix of a file that is saved -> name of its format
-SAVED = {next(x for x, of in FOREIGN.items() if of == name): name.upper() for name in FORMATS}
+SAVED = {
+    next(x for x, of in FOREIGN.items() if of == name): name.upper()
+    for name, (_, writer) in FORMATS.items()
+    if writer
+}
 
 
 @explained
@@ -38,10 +47,10 @@ def load(
     base: Literal["fixed", "free"] = "fixed",
     arguments: Mapping[str, Any] | None = None,
 ) -> Model:
-    """Load a built-in model by its name, or a file in Pgraph JSON, URDF, xacro or MJCF format.
+    """Load a built-in model by its name, or a file of Pgraph, URDF, xacro, MJCF or OpenSim.
 
     Omissions and warnings are stored in `notices` of the model. To obtain the full report, use
-    `pg.read_urdf` or `pg.read_mjcf`.
+    `pg.read_urdf`, `pg.read_mjcf` or `pg.read_osim`.
 
     Parameters
     ----------
@@ -135,7 +144,11 @@ def write_model(model: Model, path: str | Path) -> Report:
     return Report(Path(path).name)
 
 
-ROOTS = {"robot": read_urdf, "mujoco": read_mjcf}  # first element -> reader
+ROOTS = {
+    "robot": read_urdf,
+    "mujoco": read_mjcf,
+    "OpenSimDocument": read_osim,
+}  # first element -> reader
 
 
 def reader_of(path: str | Path) -> Any:

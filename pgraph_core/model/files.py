@@ -48,7 +48,9 @@ FOREIGN = {
     ".xacro": "urdf",
     ".xml": "mjcf",
     ".mjcf": "mjcf",
+    ".osim": "osim",
 }  # suffixes of other formats
+WRITTEN = ("urdf", "mjcf")
 
 BUILT_IN = "pgraph.models"  # group of the entry point of the package of built-in models
 NOT_OURS = "is not a Pgraph file; read it with pg.load, which converts it"

@@ -163,7 +163,10 @@ class Model(Editable):
         """
         suffix = Path(path).suffix.lower()
         if suffix in files.FOREIGN:
-            text = f"is not a Pgraph file; use pg.write_{files.FOREIGN[suffix]}"
+            kind = files.FOREIGN[suffix]
+            text = f"is not a Pgraph file; use pg.write_{kind}"
+            if kind not in files.WRITTEN:
+                text = f"is not written as {suffix}; use a name that ends in .json"
             raise FileError(Problem(str(path), "", text))
         if files.kind_of(path, b""):
             text = f"is JSON, not {suffix}; use a name that ends in .json"

@@ -98,7 +98,6 @@ def test_an_xml_file_that_is_no_model_is_not_offered(tmp_path, junk):
         "m.mjb",
         "bot.urdf.xacro",
         "a.proto",
-        "a.osim",
         "a.bvh",
     ],
 )

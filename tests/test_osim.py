@@ -1,0 +1,266 @@
+"""Reading models of OpenSim: joints, functions, forces, and what is refused or named as lost."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_app.cli import main
+from pgraph_core.formats.osim_functions import simm_rows
+from tests.refusals import assert_names
+
+pytestmark = pytest.mark.quick
+PIN = """<PinJoint name="hip"><socket_parent_frame>/ground</socket_parent_frame>
+<socket_child_frame>/bodyset/leg</socket_child_frame><coordinates><Coordinate name="flexion">
+<default_value>0.2</default_value><range>-1 1.5</range>{}</Coordinate></coordinates></PinJoint>"""
+BODY = (
+    "<Body name='{}'><mass>2</mass><mass_center>0 -1 0</mass_center><inertia>1 1 1 0 0 0</inertia>"
+)
+LEG = BODY.format("leg") + "</Body>"
+HIP = PIN.format("")
+LINE = "<LinearFunction><coefficients>1 0</coefficients></LinearFunction>"
+BEND = "<SimmSpline><x>-1 0 1 2</x><y>0.1 0 0.3 0.2</y></SimmSpline>"
+
+
+def document(bodies=LEG, joints=HIP, version=40000, **sets):
+    """Return the text of a model with these sets of parts."""
+    sets = {"BodySet": bodies, "JointSet": joints, **sets}
+    inside = "\n".join(f"<{x}><objects>{y}</objects></{x}>" for x, y in sets.items())
+    return (
+        f'<OpenSimDocument Version="{version}"><Model name="m">{inside}</Model></OpenSimDocument>'
+    )
+
+
+def custom(coordinates, **axes):
+    """Return a CustomJoint with (coordinates, direction, function) of some axes."""
+    own = "".join(f'<Coordinate name="{x}"/>' for x in coordinates.split())
+    rows = "".join(
+        f'<TransformAxis name="{name}"><coordinates>{c}</coordinates><axis>{axis}</axis>'
+        f"{function}</TransformAxis>"
+        for name, (c, axis, function) in axes.items()
+    )
+    return f"""<CustomJoint name="hip"><socket_parent_frame>/ground</socket_parent_frame>
+    <socket_child_frame>/bodyset/leg</socket_child_frame><coordinates>{own}</coordinates>
+    <SpatialTransform>{rows}</SpatialTransform></CustomJoint>"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    def reading(text=None, name="m.osim", **parts):
+        path = tmp_path / name
+        path.write_text(document(**parts) if text is None else text)
+        return pg.read_osim(path)
+
+    return reading
+
+
+# -- what is read ----------------------------------------------------------------------------------
+
+
+def test_a_file_is_loaded_by_name_and_by_content(tmp_path):
+    for name in ("m.osim", "m.xml"):
+        (tmp_path / name).write_text(document())
+        model = pg.load(tmp_path / name)
+        assert model.body("leg").q == (0.2,)
+        assert model.up == "y"
+        assert [out.name for out in model.outputs] == ["flexion"]
+
+
+def test_convert_writes_the_model_and_it_reads_back_equal(tmp_path):
+    joint = custom("knee", rotation1=("knee", "0 0 1", LINE), translation1=("knee", "1 0 0", BEND))
+    (tmp_path / "m.osim").write_text(document(joints=joint))
+    assert main(["convert", str(tmp_path / "m.osim"), str(tmp_path / "m.json")]) == 0
+    assert pg.load(tmp_path / "m.json") == pg.load(tmp_path / "m.osim")
+    with pytest.raises(pg.FileError, match=r"\.json"):
+        pg.load(tmp_path / "m.osim").save(tmp_path / "again.osim")
+
+
+def test_clamped_coordinates_have_limits_and_locked_ones_a_motion(read):
+    free, _ = read()
+    clamped, _ = read(joints=PIN.format("<clamped>true</clamped>"))
+    locked, _ = read(joints=PIN.format("<clamped>true</clamped><locked>true</locked>"))
+    assert free.body("leg").limits == ()
+    assert clamped.body("leg").limits == ((-1.0, 1.5),)
+    assert not locked.body("leg").limits
+    (held,) = locked.constraints
+    assert (held.kind, held.q_of_t.coefficients) == ("motion", (0.2,))
+
+
+def test_a_body_without_a_joint_is_free_as_in_opensim(read):
+    model, report = read(joints="")
+    assert model.body("leg").joint == "free"
+    assert_names(str(report), "leg", "free")
+
+
+def test_a_simm_spline_ends_with_the_third_derivatives_of_cubics_through_four_points():
+    """So that points of a cubic give the cubic, and those of a parabola or line these."""
+    x = [-1.0, -0.3, 0.1, 0.7, 1.6]
+    p = np.polynomial.Polynomial([0.3, -0.2, 0.5, 0.7])
+    for n, degree in ((2, 1), (3, 2), (4, 3), (5, 3)):
+        f = p.cutdeg(degree)
+        slopes = [row[2] for row in simm_rows(x[:n], [f(a) for a in x[:n]])]
+        np.testing.assert_allclose(slopes, f.deriv()(np.array(x[:n])), atol=1e-14)
+
+
+def test_a_curve_of_a_joint_is_a_straight_line_beyond_its_spline(read):
+    axes = {"rotation1": ("knee", "1 0 0", LINE), "translation1": ("knee", "1 0 0", BEND)}
+    joint = custom("knee", **axes)
+    mech = pg.Mechanism(read(joints=joint)[0])
+    rows = simm_rows([-1.0, 0.0, 1.0, 2.0], [0.1, 0.0, 0.3, 0.2])
+    for q, (x, y, slope) in ((2.9, rows[-1]), (-1.7, rows[0])):
+        expected = y + slope * (q - x)
+        np.testing.assert_allclose(mech.pose([q], "leg")[0], [expected, 0, 0], atol=1e-14)
+
+
+def test_a_coordinate_that_follows_another_body_starts_where_its_leader_puts_it(read):
+    second = PIN.replace("hip", "knee").replace("/ground", "/bodyset/leg").format("")
+    second = second.replace("child_frame>/bodyset/leg", "child_frame>/bodyset/shank")
+    joints = HIP + second.replace("flexion", "bend")
+    coupler = f"""<CoordinateCouplerConstraint name="c"><coupled_coordinates_function>{BEND}
+    </coupled_coordinates_function><independent_coordinate_names>flexion
+    </independent_coordinate_names><dependent_coordinate_name>bend</dependent_coordinate_name>
+    <scale_factor>2</scale_factor></CoordinateCouplerConstraint>"""
+    bodies = LEG + BODY.format("shank") + "</Body>"
+    model, _ = read(bodies=bodies, joints=joints, ConstraintSet=coupler)
+    curve = model.constraints[0].curve
+    assert (curve.kind, curve.value) == ("hermite", (0.2, 0.0, 0.6, 0.4))
+    assert model.body("shank").q == pytest.approx(curve.values(np.array([0.2])))
+
+
+# -- forces ----------------------------------------------------------------------------------------
+
+
+def test_a_limit_force_grows_by_a_quintic_step_and_damps(read):
+    force = """<CoordinateLimitForce name="stop"><coordinate>flexion</coordinate>
+    <upper_stiffness>20</upper_stiffness><upper_limit>10</upper_limit>
+    <lower_stiffness>10</lower_stiffness><lower_limit>-20</lower_limit><damping>1</damping>
+    <transition>5</transition></CoordinateLimitForce>"""
+    model, report = read(ForceSet=force)
+    assert report.loaded
+    model = model.edit("leg", com=(0, 0, 0))  # 1 kg m² about z
+    degree = np.pi / 180
+    for q, v in itertools.product((-0.5, -0.38, 0.0, 0.2, 0.9), (0.0, 0.3)):
+        up, low = np.clip([(q / degree - 10) / 5, (-20 - q / degree) / 5], 0, 1)
+        up, low = (s**3 * (10 - 15 * s + 6 * s**2) for s in (up, low))
+        expected = 10 * low * (-20 - q / degree) - 20 * up * (q / degree - 10)
+        expected -= 1 / degree * (up + low) * v
+        run = pg.simulate(model, t_end=1e-6, q={"leg": (q,)}, v={"leg": (v,)})
+        assert run.vdot[0, 0] == pytest.approx(expected, rel=1e-10, abs=1e-10)
+
+
+def test_springs_and_lines_have_their_counterparts(read):
+    forces = """<PointToPointSpring name="spring"><socket_body1>/ground</socket_body1>
+    <socket_body2>/bodyset/leg</socket_body2><point1>0 1 0</point1><point2>0 -1 0.1</point2>
+    <stiffness>30</stiffness><rest_length>0.4</rest_length></PointToPointSpring>
+    <SpringGeneralizedForce name="rubber"><coordinate>flexion</coordinate><stiffness>5</stiffness>
+    <rest_length>0.1</rest_length><viscosity>0.5</viscosity></SpringGeneralizedForce>
+    <CoordinateActuator name="drive"><coordinate>flexion</coordinate>
+    <optimal_force>40</optimal_force><min_control>-1</min_control><max_control>Inf</max_control>
+    </CoordinateActuator>"""
+    line = """<PointOnLineConstraint name="rail"><socket_line_body>/ground</socket_line_body>
+    <socket_follower_body>/bodyset/leg</socket_follower_body>
+    <line_direction_vec>0 1 0</line_direction_vec><point_on_line>0 0 0</point_on_line>
+    <point_on_follower>0.1 0 0</point_on_follower></PointOnLineConstraint>"""
+    model, report = read(ForceSet=forces, ConstraintSet=line)
+    assert report.loaded
+    leg, (spring, drive), (rail,) = model.body("leg"), model.forces, model.constraints
+    assert (leg.stiffness, leg.rest, leg.damping) == ((5.0,), (0.1,), (0.5,))
+    assert (spring.body, spring.point, spring.other_point) == ("leg", (0, -1, 0.1), (0, 1, 0))
+    assert (spring.stiffness, spring.rest) == (30.0, 0.4)
+    assert (drive.gear, drive.input_low, drive.input_high) == (40.0, -1.0, None)
+    assert (rail.kind, rail.point, rail.other_axis) == ("line", (0.1, 0, 0), (0, 1, 0))
+
+
+def test_parts_without_a_counterpart_are_named_and_noted_if_they_act(read):
+    forces = '<HuntCrossleyForce name="heel"/><HuntCrossleyForce name="toe"/>'
+    off = '<HuntCrossleyForce name="off"><appliesForce>false</appliesForce></HuntCrossleyForce>'
+    model, report = read(ForceSet=forces + off)
+    assert not report.loaded
+    assert_names("\n".join(model.lost), "HuntCrossleyForce", "heel", "toe")
+    assert "off" not in "\n".join(model.lost)
+    assert_names(str(report), "off")
+    assert read(ForceSet=off)[1].loaded
+
+
+# -- bad input -------------------------------------------------------------------------------------
+
+SPLINED = custom("a b", rotation1=("a", "0 0 1", LINE), translation1=("b", "1 0 0", BEND))
+TWICE = custom("a", rotation1=("a b", "0 0 1", LINE))
+BETWEEN = custom(
+    "a b", rotation1=("a", "0 0 1", LINE), rotation2=("b", "0 1 0", LINE),
+    rotation3=("a", "1 0 0", LINE),
+)  # fmt: skip
+BENT = "<PiecewiseLinearFunction><x>0 1 2</x><y>0 1 0</y></PiecewiseLinearFunction>"
+BAD = {
+    "version 1": ({"version": 10902}, "10902", "20000", "save it again"),
+    "no joint of the list": (
+        {"joints": HIP.replace("PinJoint", "ScapulothoracicJoint")},
+        "line 2", "hip", "ScapulothoracicJoint", "CustomJoint",
+    ),
+    "ellipsoid": (
+        {"joints": HIP.replace("PinJoint", "EllipsoidJoint")}, "hip", "EllipsoidJoint",
+    ),
+    "missing parent": (
+        {"joints": HIP.replace("/ground", "/bodyset/hips")},
+        "hip", "parent_frame", "'/bodyset/hips'", "leg",
+    ),
+    "own parent": (
+        {"joints": HIP.replace("/ground", "/bodyset/leg")}, "hip", "leg", "ground",
+    ),
+    "two joints": ({"joints": 2 * HIP}, "hip", "leg", "WeldConstraint"),
+    "two coordinates": ({"joints": TWICE}, "hip", "rotation1", "2 coordinates", "a, b"),
+    "rotation between": ({"joints": BETWEEN}, "hip", "'a'", "'b'", "between"),
+    "idle coordinate": (
+        {"joints": custom("a b", rotation1=("a", "0 0 1", LINE))}, "hip", "coordinates", "'b'",
+    ),
+    "corners": (
+        {"joints": custom("a", rotation1=("a", "0 0 1", BENT))}, "PiecewiseLinear", "SimmSpline",
+    ),
+    "unknown function": (
+        {"joints": custom("a", rotation1=("a", "0 0 1", "<Sine/>"))}, "Sine", "SimmSpline",
+    ),
+    "comma": ({"bodies": LEG.replace("0 -1 0<", "0,1 0 0<")}, "leg", "mass_center", "'0,1 0 0'"),
+    "two of three": (
+        {"bodies": LEG.replace("0 -1 0<", "1 0<")}, "leg", "mass_center", "3", "'1 0'",
+    ),
+    "negative mass": ({"bodies": LEG.replace("<mass>2", "<mass>-2")}, "leg", "mass", "-2"),
+    "two bodies": ({"bodies": 2 * LEG}, "leg", "name", "line 1"),
+    "not XML": ({"bodies": "<Body>"}, "not XML"),
+    "descending spline": (
+        {"joints": custom("a", rotation1=("a", "0 0 1", BEND.replace("-1 0", "1 0")))},
+        "x", "ascending",
+    ),
+    "reversed": (
+        {"joints": HIP.replace("<coordinates>", "<reverse>true</reverse><coordinates>")},
+        "hip", "reverse",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_a_bad_file_is_refused_with_its_place_and_a_remedy(read, what):
+    parts, *facts = BAD[what]
+    with pytest.raises(pg.FileError) as refused:
+        read(**parts)
+    assert_names(str(refused.value), "m.osim", *facts)
+
+
+@pytest.mark.parametrize(
+    ("text", "facts"),
+    [
+        ("<robot name='r'/>", ["<robot>", "OpenSimDocument"]),
+        ("<OpenSimDocument Version='40000'/>", ["<Model>"]),
+        ("<OpenSimDocument><Model/></OpenSimDocument>", ["version", "20000"]),
+    ],
+)
+def test_a_file_without_a_model_is_told_apart(read, text, facts):
+    with pytest.raises(pg.FileError) as refused:
+        read(text)
+    assert_names(str(refused.value), "m.osim", *facts)
+
+
+def test_other_units_are_read_as_metres_with_a_warning(read):
+    text = document().replace('name="m">', 'name="m"><length_units>mm</length_units>')
+    _, report = read(text)
+    assert_names("\n".join(str(x) for x in report.of("warning")), "length_units", "'mm'", "metres")
