@@ -148,6 +148,20 @@ class Track(Frozen):
         return found
 
     @cached_property
+    def corners(self) -> tuple[float, ...]:
+        """The coordinates at which second derivatives jump: of cubics with given slopes."""
+        functions = (f for f in (self.x, self.y, self.z, *self.angles) if isinstance(f, tuple))
+        given = sorted({row[0] for f in functions if len(f[0]) == 3 for row in f})
+        if not given:
+            return ()
+        x, bends = self.pieces.x, self.pieces.derivative(2)
+        inner = [i for i in np.searchsorted(x, given).tolist() if 0 < i < len(x) - 1]
+        before = np.array([np.polyval(bends.c[:, i - 1], x[i] - x[i - 1]) for i in inner])
+        after = bends.c[-1, inner]
+        jumps = (np.abs(after - before) > NOTABLE * np.abs(bends.c[-1]).max(axis=0)).any(axis=-1)
+        return tuple(x[i] for i, jump in zip(inner, jumps) if jump)
+
+    @cached_property
     def rows(self) -> Array:
         """The rows (nt, 32) for the kernels, described in `engine.layout`."""
         x, c = self.pieces.x, self.pieces.c

@@ -154,6 +154,11 @@ class Description(World):
         return tuple(c for c in self.constraints if isinstance(c, Relation) and c.has_corners)
 
     @cached_property
+    def cornered(self) -> tuple[Body, ...]:
+        """The bodies on a track whose second derivative jumps somewhere."""
+        return tuple(body for body in self.bodies if body.track and body.track.corners)
+
+    @cached_property
     def cams(self) -> tuple[Cam, ...]:
         """The cams among the constraints."""
         return tuple(c for c in self.constraints if isinstance(c, Cam))

@@ -244,8 +244,8 @@ class Packed:
         return kept[2] if kept is not None and kept[1] is drives else bends(drives)
 
     def bend(self, forces: tuple[Force, ...]) -> bool:
-        """Check whether one of these forces, or a relation, bends where the motion passes."""
-        return bool(self.model.bending) or any(f._bends for f in forces)
+        """Check whether a force, a relation or a track bends where the motion passes."""
+        return bool(self.model.bending or self.model.cornered) or any(f._bends for f in forces)
 
     def loads(
         self, forces: tuple[Force, ...], *, states: bool = False, named: tuple[Force, ...] = (),

@@ -28,7 +28,7 @@ from ..fields import EMPTY
 from ..forces import OnJoint, Strut
 from ..forces.strut import bends
 from ..functions import corners_of
-from ..model import Control, Force, Relation
+from ..model import Body, Control, Force, Relation
 from ..model.control import STATE
 from ..signals import Node, parsed
 from ..signals.grammar import COMPARISONS, walk
@@ -323,6 +323,15 @@ class Program:
         x = Node("signal", signal=("q", c.other, c.other_coordinate))
         for ends in corners_of(c.curve, x, self._parameters):
             self.end_steps(*map(self.of, ends))
+
+    def watch_track(self, body: Body) -> None:
+        """Let steps end where the second derivative of a body's track jumps."""
+        assert body.track is not None, "it has one"
+        place = [m.track is not None for m in body.sequence].index(True)
+        k = sum(len(m.facts.v) for m in body.sequence[:place])
+        x = self.of(Node("signal", signal=("q", body.name, k)))
+        for end in body.track.corners:
+            self.end_steps(x, self.number(end))
 
     def watch_touches(self) -> None:
         """Let steps end where soft and penalty contacts touch."""

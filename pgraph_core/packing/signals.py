@@ -216,6 +216,8 @@ def signals(
             program.watch_cable(n, one)
         for c in model.bending:
             program.watch_relation(c)
+        for body in model.cornered:
+            program.watch_track(body)
     if touching:
         program.watch_touches()
     return program.code(), owners, own

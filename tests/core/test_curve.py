@@ -282,6 +282,20 @@ def test_triples_are_a_piecewise_cubic_with_their_slopes():
     assert track.mirrored((-1, 1, 1)).x[1] == (0.2, -0.3, 0.2)
 
 
+def test_steps_end_where_the_second_derivative_of_a_track_jumps():
+    """A method of order 4 keeps its order, as within a piece."""
+    track = pg.Track(x="q", z=((-1, 0, 0), (0.3, 0.1, 0.2), (3, 0.4, 0)), range=(-1, 3), unit="m")
+    assert track.corners == (0.3,)
+    model = alone(track, q=(-0.4,), v=(6.0,))
+    exact = pg.simulate(model, t_end=0.4, method="dop853", rtol=1e-13).q[-1]
+    errors = [
+        np.abs(pg.simulate(model, t_end=0.4, method="rk4", step=h).q[-1] - exact).max()
+        for h in (8e-3, 4e-3)
+    ]
+    assert errors[1] < 1e-8
+    assert errors[0] / errors[1] > 8.0
+
+
 @pytest.mark.quick
 def test_a_curve_needs_one_track_and_other_joints_none():
     track = pg.Track(points=[(0, 0, 0), (1, 0, 0)])
