@@ -205,6 +205,10 @@ BAD = {
         {"joints": HIP.replace("/ground", "/bodyset/hips")},
         "hip", "parent_frame", "'/bodyset/hips'", "leg",
     ),
+    "frame without a parent": (
+        {"joints": HIP.replace("</PinJoint>", """<frames><PhysicalOffsetFrame name="f"/></frames>
+         </PinJoint>""").replace("/bodyset/leg", "f")}, "hip", "child_frame", "''",
+    ),
     "own parent": (
         {"joints": HIP.replace("/ground", "/bodyset/leg")}, "hip", "leg", "ground",
     ),

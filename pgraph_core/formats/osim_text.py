@@ -69,9 +69,9 @@ class Frame(NamedTuple):
     """A frame of the file: the path of its names, and its pose in its base or another frame."""
 
     path: tuple[str, ...]
-    base: str  # path of another frame, "" for a body or the ground
+    base: str  # path of another frame
     pose: Pose
-    owner: Element | None = None
+    owner: Element | None = None  # the part that it belongs to, None for a body or the ground
 
 
 class Document(Source):
@@ -207,13 +207,13 @@ class Document(Source):
         while True:
             found = self._found(path, near)
             if found is None or id(found) in seen:
-                known = choices(x.path[-1] for x in self.frames if not x.base)
+                known = choices(x.path[-1] for x in self.frames if x.owner is None)
                 why = "which is no frame" if found is None else "whose frames name each other"
                 text = f"names {shown(path)}, {why}; bodies are {known}"
                 raise self.refuse(holder, field, text)
             seen.add(id(found))
             pose = found.pose @ pose
-            if not found.base:
+            if found.owner is None:
                 return found.path[-1], pose
             path, near = found.base, found.owner or owner
 
@@ -225,7 +225,7 @@ class Document(Source):
         for k in range(len(names)):  # sets and models may have other names, or none
             ending = [x for x in self.frames if x.path[k - len(names) :] == names[k:]]
             own = [x for x in ending if x.owner is owner]
-            if found := own or [x for x in ending if not x.base] or ending:
+            if found := own or [x for x in ending if x.owner is None] or ending:
                 return found[0]
         return None
 
