@@ -8,6 +8,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.cli import main
 from pgraph_core.formats.osim_functions import simm_rows
+from pgraph_core.rotation import matrix
 from tests.refusals import assert_names
 
 pytestmark = pytest.mark.quick
@@ -181,6 +182,32 @@ def test_parts_without_a_counterpart_are_named_and_noted_if_they_act(read):
     assert "off" not in "\n".join(model.lost)
     assert_names(str(report), "off")
     assert read(ForceSet=off)[1].loaded
+
+
+VTP = """<VTKFile type="PolyData"><PolyData><Piece NumberOfPoints="4" NumberOfPolys="1"><Points>
+<DataArray format="ascii" NumberOfComponents="3">0 0 0 1 0 0 1 1 0 0 1 0</DataArray></Points><Polys>
+<DataArray Name="connectivity" format="ascii">0 1 2 3</DataArray>
+<DataArray Name="offsets" format="ascii">4</DataArray></Polys></Piece></PolyData></VTKFile>"""
+
+
+def test_pictures_are_shapes_that_do_not_touch_and_missing_files_are_named(
+    read, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    (tmp_path / "Geometry").mkdir()
+    (tmp_path / "Geometry" / "bone.vtp").write_text(VTP)
+    pictures = """<attached_geometry><Mesh><mesh_file>bone.vtp</mesh_file>
+    <scale_factors>1 2 1</scale_factors><Appearance><color>1 0 0</color></Appearance></Mesh>
+    <Mesh><mesh_file>lost.vtp</mesh_file></Mesh><Brick><half_lengths>1 2 3</half_lengths></Brick>
+    <Cylinder><radius>0.1</radius><half_height>0.4</half_height></Cylinder></attached_geometry>"""
+    model, report = read(bodies=LEG.replace("</Body>", f"{pictures}</Body>"))
+    bone, brick, cylinder = model.body("leg").shapes
+    assert {shape.role for shape in (bone, brick, cylinder)} == {"visual"}
+    assert (bone.scale, bone.colour, brick.size) == ((1, 2, 1), (1, 0, 0), (2, 4, 6))
+    assert (cylinder.length, cylinder.radius) == (0.8, 0.1)
+    assert abs(matrix(cylinder.rotation)[1, 2]) == pytest.approx(1)  # along y
+    assert report.loaded
+    assert_names(str(report), "lost.vtp", "roots")
 
 
 # -- bad input -------------------------------------------------------------------------------------

@@ -17,10 +17,11 @@ from ..fields import GROUND, Vec3, name_problem
 from ..markup import read_markup
 from ..model import Body, Model, Output, Site
 from ..model.poses import poses as poses_of
-from .conversion import Report, reach_of, suspect_units, unphysical, unused
+from .conversion import Folders, Report, reach_of, suspect_units, unphysical, unused
 from .osim_forces import Forces, coupler_of
 from .osim_functions import Curve
 from .osim_joints import Chain, Coordinate, Joint, Link, coordinate_of
+from .osim_pictures import Pictures
 from .osim_text import HOME, Document, Element, Pose, turned
 
 UNITS = ("", "m", "meter", "meters", "metre", "metres")
@@ -36,7 +37,8 @@ def read_osim(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model
     path : str or path
         The file.
     roots : iterable of paths
-        Ignored, since no other files are read.
+        Folders with the files of pictures. By default they must be in the folder of the file, or in
+        the folder Geometry in it.
 
     Returns
     -------
@@ -56,12 +58,13 @@ def read_osim(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model
     >>> model, report = pg.read_osim("arm26.osim")  # doctest: +SKIP
     """
     path = Path(path)
-    return _Reader(Document(path.name, read_markup(path))).result()
+    return _Reader(Document(path.name, read_markup(path)), Folders(path, roots)).result()
 
 
 class _Reader:
-    def __init__(self, file: Document):
+    def __init__(self, file: Document, folders: Folders):
         self.file, self.report = file, Report(file.name)
+        self.pictures = Pictures(file, self.report, folders)
         self.elements = self._bodies_by_name()
         file.collect(list(self.elements))
         self.joints = self._joints()
@@ -75,6 +78,7 @@ class _Reader:
         joined = {name for joint in self.joints.values() for name in joint.follows}
         forces = Forces(self.file, self.report, self.poses, self.coordinates, joined)
         bodies = forces.started(bodies)
+        self.pictures.tell()
         sites, outputs = self._markers({body.name for body in bodies}), self._outputs()
         gravity = self.file.numbers(self.file.model, "gravity", (0.0, -9.80665, 0.0))
         name = self.file.model.get("name") or Path(self.file.name).stem
@@ -296,7 +300,8 @@ class _Reader:
         inertia = pose.turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ pose.turn.T
         inertia = (inertia + inertia.T) / 2
         com = pose.point(file.numbers(element, "mass_center", (0.0, 0.0, 0.0)))
-        fields = {"mass": mass, "com": com, "inertia": inertia}
+        fields: dict[str, Any] = {"mass": mass, "com": com, "inertia": inertia}
+        fields["shapes"] = self.pictures.of(element, self.poses)
         return fields | unphysical(self.report, file.where(element), name, inertia)
 
     # -- names of coordinates and markers --------------------------------------------------------
