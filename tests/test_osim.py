@@ -88,6 +88,15 @@ def test_clamped_coordinates_have_limits_and_locked_ones_a_motion(read):
     assert (held.kind, held.q_of_t.coefficients) == ("motion", (0.2,))
 
 
+def test_a_frame_of_a_body_names_its_body_by_dots(read):
+    frame = """<components><PhysicalOffsetFrame name="knee"><socket_parent>..</socket_parent>
+    <translation>0 -1 0</translation></PhysicalOffsetFrame></components></Body>"""
+    mark = """<Marker name="mark"><socket_parent_frame>/bodyset/leg/knee</socket_parent_frame>
+    <location>0.1 0 0</location></Marker>"""
+    model, _ = read(bodies=LEG.replace("</Body>", frame), MarkerSet=mark)
+    assert (model.sites[0].body, model.sites[0].point) == ("leg", (0.1, -1, 0))
+
+
 def test_a_body_without_a_joint_is_free_as_in_opensim(read):
     model, report = read(joints="")
     assert model.body("leg").joint == "free"
@@ -235,6 +244,11 @@ BAD = {
     "frame without a parent": (
         {"joints": HIP.replace("</PinJoint>", """<frames><PhysicalOffsetFrame name="f"/></frames>
          </PinJoint>""").replace("/bodyset/leg", "f")}, "hip", "child_frame", "''",
+    ),
+    "own frame": (
+        {"joints": HIP.replace("</PinJoint>", """<frames><PhysicalOffsetFrame name="f">
+         <socket_parent>f</socket_parent></PhysicalOffsetFrame></frames></PinJoint>""").replace(
+            "/bodyset/leg", "f")}, "hip", "child_frame", "'f'", "each other",
     ),
     "own parent": (
         {"joints": HIP.replace("/ground", "/bodyset/leg")}, "hip", "leg", "ground",

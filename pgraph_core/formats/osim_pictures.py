@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -123,14 +122,16 @@ def polygons_of(path: Path) -> tuple[Array, Array]:
         own = _numbers(piece, "Points", "").reshape(-1, 3)
         ends = _numbers(piece, "Polys", "offsets").astype(int)
         corners = _numbers(piece, "Polys", "connectivity").astype(int)
-        for first, end in zip([0, *ends[:-1]], ends):
-            fan = corners[first:end] + count
-            faces += [np.array([fan[0], a, b]) for a, b in pairwise(fan[1:])]
+        sizes = np.diff(ends, prepend=0)
+        for size in np.unique(sizes[sizes > 2]).tolist():
+            begins = (ends - sizes)[sizes == size]
+            fan = corners[begins[:, None] + np.arange(size)] + count
+            faces += [fan[:, (0, k, k + 1)] for k in range(1, size - 1)]
         points.append(own)
         count += len(own)
     if not faces or max(x.max() for x in faces) >= count:
         raise ValueError("it has no polygons")
-    return np.concatenate(points), np.array(faces)
+    return np.concatenate(points), np.concatenate(faces)
 
 
 def _numbers(piece: Element, of: str, name: str) -> Array:

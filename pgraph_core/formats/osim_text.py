@@ -220,6 +220,8 @@ class Document(Source):
     def _found(self, path: str, owner: Element) -> Frame | None:
         """Return the frame of a path, which may be relative to its owner or a name alone."""
         names = tuple(x for x in path.split("/") if x not in ("", ".", ".."))
+        if not names and ".." in path and owner.tag in ("Body", "Ground"):
+            names = (owner.get("name") or GROUND,)  # the body that owns the frame
         if not names:
             return None
         for k in range(len(names)):  # sets and models may have other names, or none
