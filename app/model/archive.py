@@ -206,6 +206,7 @@ def _goes_along(name: PurePosixPath) -> bool:
         "bin",
         "mtl",
         "png",
+        "vtp",  # pictures of OpenSim
     )
 
 

@@ -10,6 +10,7 @@ import pgraph_core as pg
 from pgraph_app.core.cells import Refusal
 from pgraph_app.model.archive import unpacked
 
+from ..test_osim import LEG, VTP, document
 from .store import ME, answered, begun, do, notice
 
 BODY = '<body name="a"><joint axis="0 1 0"/><geom size=".1" mass="1"/></body>'
@@ -86,6 +87,19 @@ def test_an_xml_file_that_is_no_model_is_not_offered(tmp_path, junk):
     pytest.importorskip("mujoco")
     files = {"bot/bot.xml": ROBOT, junk: "<launch><node name='a'/></launch>"}
     assert len(unpacked(zipped(files), tmp_path)[0].bodies) == 1
+
+
+def test_a_model_of_opensim_is_opened_alone_and_with_its_pictures(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    bone = "<attached_geometry><Mesh><mesh_file>bone.vtp</mesh_file></Mesh></attached_geometry>"
+    text = document(LEG.replace("</Body>", f"{bone}</Body>"))
+    state = begun(pg.Model.serial(1))
+    alone = answered(state, do.OpenText(ME, "leg.osim", text))
+    assert alone.model.names == ("leg",)
+    files = {"x/leg.osim": text, "x/Geometry/bone.vtp": VTP}
+    sent = base64.b64encode(zipped(files)).decode()
+    told = answered(state, do.OpenArchive(ME, "x.zip", sent))
+    assert [len(x.model.body("leg").shapes) for x in (alone, told)] == [0, 1]
 
 
 @pytest.mark.parametrize(
