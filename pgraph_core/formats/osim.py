@@ -93,6 +93,11 @@ class _Reader:
             at = f"{self.file.name}: "
             found = [Problem(at + p.where, p.field, p.text) for p in error.problems]
             raise ModelError(found) from None
+        if limited := sum(x is not None for body in bodies for x in body.limits):
+            text = (
+                f"the ranges of {limited} clamped coordinates are limits, which stop the joints; "
+            )
+            self.report.add("converted", self.file.name, text + "OpenSim holds no motion there")
         self._suspect(model)
         moving = sum(body.dof > 0 for body in bodies)
         text = f"{len(self.elements)} bodies, {moving} joints that move, "

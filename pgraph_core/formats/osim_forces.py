@@ -24,7 +24,7 @@ from .osim_text import Array, Document, Element, Pose, turned
 
 Placed = Mapping[str, tuple[Coordinate, str, int]]  # coordinate, its body, its place or -1
 STILL = ("Frame", "Station", "IMU", "Reporter")  # endings of parts that do not act
-BALL = "is of an angle or a way of a ball or free joint, which has a quaternion here"
+BALL = "is of a coordinate that is none here: it follows in its joint, or is of a quaternion"
 
 
 class Spent(NamedTuple):
@@ -150,7 +150,9 @@ class Forces:
         self.report.add(kind, where, text, acts=acts, part=name)
 
     def _place(self, name: str, element: Element) -> tuple[str, int] | None:
-        """Return the body of a coordinate and its place there, or None for part of a ball."""
+        """Return the body of a coordinate and its place there, or None if it has none."""
+        if name in self.joined:  # it is a function of another one
+            return None
         if name not in self.coordinates:
             text = f"names {shown(name)}; coordinates are {choices(self.coordinates)}"
             raise self.file.refuse(element, "coordinate", text)
@@ -161,9 +163,6 @@ class Forces:
         """Return the place of the coordinate that a force names, or None with a line in the
         report."""
         name = self.file.socket(element, "coordinate").split("/")[-1]
-        if name in self.joined:
-            self._lost(element, f"{element.tag} on a coordinate that follows another of its joint")
-            return None
         if (found := self._place(name, element)) is None:
             self._lost(element, f"{element.tag} {BALL}")
         return found
