@@ -360,7 +360,7 @@ else:
                 first = next((x for x in FIRST if x in cls.model_fields and x not in data), "")
                 taken = {*data, *(words.ours(x, cls.model_fields) for x in data)}
                 body = cls.model_fields.get("body")
-                alone = len(args) == 1 and "body" not in taken and "through" not in cls.model_fields
+                alone = len(args) == 1 and "body" not in taken
                 if body and body.is_required() and alone:
                     first = "body" if first == "name" else first  # one word is the body
                 places = [first, *(x for x in BODIES if x in cls.model_fields)]

@@ -303,9 +303,9 @@ class Mechanism(Dynamics):
 
         All forces of a run at t = 0 are included, as well as active constraints, joint limits, and
         control states such as the integral of a PID controller. Lagging inputs have reached their
-        values. Contacts and limits of tendons and springs are ignored, so bodies may end up inside
-        the ground. If all forces are conservative, the energy is minimised, so the result is stable
-        unless q is already an equilibrium.
+        values. Contacts, limits of tendons and springs, and cables that do not stretch are ignored,
+        so bodies may end up inside the ground. If all forces are conservative, the energy is
+        minimised, so the result is stable unless q is already an equilibrium.
 
         Parameters
         ----------

@@ -11,6 +11,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core import joints
 from pgraph_core.errors import FileError, ModelError, Problem
+from pgraph_core.packing.cable_lines import led_problems
 from pgraph_core.pulleys import segment_names
 
 from .terminal import (
@@ -145,7 +146,7 @@ def check(args: Namespace) -> Answer:
     notes = [str(e) for kind in ("warning", "left out") for e in report.of(kind)]
     data: dict[str, Any] = {"problems": []}
     data |= {} if report.loaded else {"loaded": False}
-    if problems := mesh_problems(model):
+    if problems := [*mesh_problems(model), *led_problems(pg.Mechanism(model).packed)]:
         raise ModelError(problems)
     notes += model.doubts
     data |= {"notes": notes} if notes else {}

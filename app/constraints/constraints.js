@@ -95,7 +95,7 @@
               make("button", {
                 className: "link",
                 textContent: line.constraint,
-                onclick: () => open("constraints", line.constraint),
+                onclick: () => open(line.part ?? "constraints", line.constraint),
               }),
               ` ${line.text}`,
             ]

@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+import pgraph_core as pg
 from pgraph_core.analysis.mobility import Remark
 from pgraph_core.errors import counted
 
 from ..core.views import Payload
-from . import BY_ITSELF, MobilityReport, State
+from . import BY_ITSELF, MobilityReport, State, cables
 
 
 def mobility_report(state: State) -> Payload:
-    """Return a headline, lines that each name a constraint, and whether the report is current."""
+    """Return a headline, lines that each name a part, and whether the report is current."""
+    found = _of_constraints(state)
+    return {**found, "lines": [*found["lines"], *_of_cables(state.model)]}
+
+
+def _of_cables(model: pg.Model) -> list[Payload]:
+    """Return a line for each cable among the forces that cannot lie on its wheels."""
+    if not any(isinstance(f, pg.Cable) for f in model.forces):
+        return []
+    amiss = cables.faults(model)
+    led = [f.name for f in model.forces if isinstance(f, pg.Cable) and f.name in amiss]
+    return [{**Remark(name, amiss[name], True)._asdict(), "part": "forces"} for name in led]
+
+
+def _of_constraints(state: State) -> Payload:
     active = [c for c in state.model.constraints if c.active]
     if not active:
         text = f"{counted(state.derived.dof, 'degree')} of freedom, none taken by constraints."

@@ -18,8 +18,8 @@ import numpy as np
 from ..dynamics import Dynamics
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
 from ..engine import motion
-from ..errors import InputError, Problem
-from ..model import Wrench
+from ..errors import InputError, Problem, choices, shown
+from ..model import Cable, Wrench
 from ..packing import Array, Drives
 from ..tolerances import (
     DIFFERENCED,
@@ -57,6 +57,9 @@ def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Config
     joint = max(mech.joints, key=lambda name: float(np.abs(push[mech.joints[name].v]).max()))
     left = f"{np.abs(push).max():.3g} (N m or N) remain, most of it in the joint of '{joint}'"
     text = f"no equilibrium was found near q: {left}; add a spring, or start from another q"
+    if slack := [f.name for f in mech.model.forces if isinstance(f, Cable) and f._bounds]:
+        text += f". Cables that do not stretch do not act here: {choices(map(shown, slack))}; give "
+        text += "them a stiffness, or make them ropes among the constraints, which stay taut"
     if mech.model.contacts:
         text += ". Contacts do not act here; a state of rest on them is the end of a run, run.q[-1]"
     raise InputError(Problem("equilibrium", "q", text))

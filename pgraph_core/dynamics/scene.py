@@ -52,6 +52,7 @@ from ..packing.packed import Packed
 from ..packing.programs import locate_forces, measured_rows, with_pairs
 from ..portable import Unportable
 from ..pulleys import segment_names
+from ..tolerances import EPS
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
@@ -498,6 +499,13 @@ def path_tensions(
     found = np.zeros((len(t), sum(len(table) for table, *_ in own[:-1]), 3))
     for i in range(len(t)):
         motion.load_tensions(scene.address, t[i], q[i], v[i], found[i])
+    cables = own.cable[0]
+    if len(cables):
+        length, rate = found[:, :, 1], found[:, :, 2]
+        # a run holds what is as long as without force, but for rounding of some spans, and becomes
+        # longer as taut
+        taut = (np.abs(length - cables["rest"]) <= 8.0 * EPS * np.abs(length)) & (rate > 0.0)
+        found[:, :, 0] = np.where(taut, cables["damping"] * rate, found[:, :, 0])
     return found
 
 

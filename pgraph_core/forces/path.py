@@ -97,11 +97,25 @@ class BetweenPoints(AtPoint, Between):
         help="in the axes of the second body; default: its origin",
     )  # fmt: skip
     via: tuple[Via, ...] = field(
-        "a list of points {'body': name, 'point': [x, y, z]} [m] between both ends, in their "
-        "order, with a 'radius' [m] for an obstacle",
+        "a list of points (body, [x, y, z]) [m] between both ends, in their order, and obstacles "
+        "{'body': name, 'point': [x, y, z], 'radius': length}",
         converter=parts_of(Via), default=(), role="parts", since=9,
         help="points between both ends, or round obstacles, which it passes without friction",
     )  # fmt: skip
+
+    @model_validator(mode="before")
+    @classmethod
+    def _pairs(cls, data: Any) -> Any:
+        """Accept pairs (body, point) among the points in `via`."""
+        via = data.get("via") if isinstance(data, dict) else None
+        if not isinstance(via, (list, tuple)):
+            return data
+
+        def place(x: Any) -> Any:
+            pair = isinstance(x, (list, tuple)) and len(x) == 2 and isinstance(x[0], str)
+            return {"body": x[0], "point": x[1]} if pair else x
+
+        return {**data, "via": [place(x) for x in via]}
 
     @model_validator(mode="after")
     def _apart(self) -> Self:

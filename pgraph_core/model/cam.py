@@ -123,6 +123,9 @@ class Cam(OfTwo):
         }
         return {**super()._followers(), **own}
 
+    def onto(self, bodies: Any) -> None:
+        bodies.on_cam(self)
+
     # -- checks --------------------------------------------------------------------------------
 
     @model_validator(mode="after")

@@ -79,6 +79,10 @@ class Constraint(OfKinds):
         """Return False if its wrench on `bodies`, by name or None, never has a force."""
         return True
 
+    def onto(self, bodies: Any) -> None:
+        """Apply its wrench to `bodies`, which have a method for each way in which it acts."""
+        bodies.at_point(self)
+
 
 # -- between places of bodies ----------------------------------------------------------------------
 
@@ -351,6 +355,9 @@ class InJoints(Constraint):
         along = [(unit, len(own)) for own in units for unit in own]
         return along[k] == ("m", 1) if k < len(along) else True
 
+    def onto(self, bodies: Any) -> None:
+        """Apply nothing: its force acts in the joints."""
+
 
 def first_q(model: Any, name: str) -> float:
     """Return the first initial coordinate of a joint, or 0 if there is none."""
@@ -397,7 +404,8 @@ class Gear(OfTwo):
 
     kind: Literal["gear"] = field(KIND, default="gear")
     ratio: Number = field(
-        "a finite number: q of `body` is ratio x q of `other` + offset",
+        "a finite number: q of `body` is ratio x q of `other` + offset; a ratio that varies is the "
+        "slope of a pg.Relation, such as curve='=2*q + 0.1*q^2'",
         default=1.0, dim=NONE, help="q of the body = ratio × q of the other + offset",
     )  # fmt: skip
     offset: Number = field("a finite number [rad, m]", default=0.0, dim=Q)

@@ -37,6 +37,9 @@ class Rope(AlongPulleys, Constraint):
         default=None, gt=0, dim=M, help="length between its ends; default: as in the initial state",
     )  # fmt: skip
 
+    def onto(self, bodies: Any) -> None:
+        bodies.along_rope(self)
+
     def _blocks(self, e: Any) -> list[Any]:
         return e.roped(self.through, self.closed, self.length)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..engine import layout as at
 from ..engine.cable_places import spans_of_segment
-from ..errors import ModelError
+from ..errors import ModelError, Problem
 from ..forces import Cable
 from ..forces.obstacles import DRAWN
 from ..model import Rope
@@ -39,10 +39,22 @@ def cables_of(packed: Any) -> tuple[Lying, ...]:
     return tuple(x for _, x in _laid(packed) if isinstance(x, Lying))
 
 
+def ropes_of(packed: Any) -> list[Lying]:
+    """Return the active ropes of a packed model, without those that are impossible."""
+    held = {id(c) for c in packed.model.constraints}
+    return [x for x in cables_of(packed) if id(x.part) in held]
+
+
 def faults_of(packed: Any) -> dict[str, str]:
     """Return why a cable or active rope of a packed model is impossible, by its name."""
     found = ((part, x) for part, x in _laid(packed) if isinstance(x, ModelError))
     return {part.name: "; ".join(one.text for one in x.problems) for part, x in found}
+
+
+def led_problems(packed: Any) -> list[Problem]:
+    """Return the problems of the cables and active ropes of a packed model."""
+    found = (x.problems for _, x in _laid(packed) if isinstance(x, ModelError))
+    return [problem for problems in found for problem in problems]
 
 
 def _laid(packed: Any) -> Iterator[tuple[Cable | Rope, Lying | ModelError]]:

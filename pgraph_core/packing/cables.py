@@ -91,6 +91,14 @@ def segments(
     return made
 
 
+def one_length(kind: str, count: int) -> str:
+    """Return the reason why a rope or cable of several segments has no length."""
+    return (
+        f"the {kind} divides into {count} segments at the wheels that it grips; leave it out, so "
+        "that each keeps its initial length, or give those wheels grip=False"
+    )
+
+
 def _station(k: int, p: Pulley, at_: Any, model: Any, refuse: Refuse) -> Station:
     """Return a station without its sense."""
     centre = at_.at_start(p.body, p.point)

@@ -27,7 +27,7 @@ from ..tolerances import EPS, TOUCHING
 from ..topology import Topology
 from ..tracks import Track
 from . import Array, Ints, System, home_of, joint_coordinates, point_in_row, row_of_velocity
-from .cables import Segment, segments
+from .cables import Segment, one_length, segments
 from .forces import Placed, terms_of
 from .programs import of_coordinate, of_time
 
@@ -196,8 +196,7 @@ class Endpoints:
         refuse = partial(self.refuse, "through")
         found = segments(through, closed, at_, self.model, self.packed, refuse)
         if length is not None and len(found) > 1:
-            text = f"divides into {len(found)} segments at the wheels that it grips; leave it out, "
-            raise self.refuse("length", f"the rope {text}so that each keeps its initial length")
+            raise self.refuse("length", one_length("rope", len(found)))
         return [self._segment(one, length) for one in found]
 
     def _segment(self, one: Segment, length: float | None) -> Block:

@@ -23,7 +23,7 @@ from ..forces.obstacles import obstacle_of
 from ..model import Body, Force, Model, Table, Tendon
 from ..topology import Topology
 from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates, point_in_row
-from .cables import Segment, segments
+from .cables import Segment, one_length, segments
 from .signals import NO_SIGNALS, limits_of, values_of_targets
 
 
@@ -74,10 +74,13 @@ class Placed:
     def segments(self, cable: Any) -> list[Segment]:
         """Return the segments of a cable between the stations that hold it. Raises ModelError."""
 
-        def refuse(text: str) -> ModelError:
-            return ModelError(Problem(f"{cable.word()} '{cable.name}'", "through", text))
+        def refuse(text: str, field: str = "through") -> ModelError:
+            return ModelError(Problem(f"{cable.word()} '{cable.name}'", field, text))
 
-        return segments(cable.through, cable.closed, self, self._model, self.packed, refuse)
+        found = segments(cable.through, cable.closed, self, self._model, self.packed, refuse)
+        if cable.length is not None and len(found) > 1:
+            raise refuse(one_length(cable.own_kind(), len(found)), "length")
+        return found
 
     def path_rows(self, forces: Sequence[Force]) -> list[tuple[str, range]]:
         """Return the name and the rows of each force along a path, in the order of all rows."""

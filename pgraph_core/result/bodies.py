@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -12,9 +12,8 @@ from ..dynamics.scene import load_wrenches, rope_spans, segments_of
 from ..dynamics.states import BodyMotion, bodies_over, turned
 from ..engine import layout as at
 from ..forces import OnJoint
-from ..model import Force, Model, Rope
+from ..model import Constraint, Force, Model, Rope
 from ..model.cam import Cam
-from ..model.constraint import InJoints
 from ..model.expressions import wanted
 from ..packing import Array
 from ..signals.meaning import unit
@@ -132,48 +131,59 @@ def add_constraint_wrenches(
 
     `states` are the poses of the bodies and q.
     """
-    pose = states[0]
-    position = pose[..., :3]
+    bodies = Pushed(mech, forces, *states, out)
     for c in mech.model.constraints:
-        if isinstance(c, Rope):
-            add_rope_wrenches(mech, c.name, forces, states, out)
-        if c.name not in forces:
-            continue
-        if isinstance(c, Cam):
-            found = cam_record(c, mech, states[1], pose, forces[c.name])
-            for name, sign in ((c.body, 1.0), (c.other, -1.0)):
-                b = mech.topology.number(name) - 1
-                out[:, b] += sign * found.wrench(position[:, b])
-        if isinstance(c, (InJoints, Rope)):
-            continue
-        wrench = forces[c.name]
-        point = mech.model.point_of(c)
-        b = mech.topology.number(c.body) - 1
-        place = position[:, b] + turned(pose[:, b, 3:], np.asarray(point))
+        c.onto(bodies)
+
+
+class Pushed(NamedTuple):
+    """The bodies onto which constraints apply their wrenches (n, nb, 6), in `out`."""
+
+    mech: Mechanism
+    forces: Mapping[str, Array]
+    pose: Array
+    q: Array
+    out: Array
+
+    def at_point(self, c: Constraint) -> None:
+        """Add the wrench of a constraint at its point, and the opposite one on its other body."""
+        if c.name not in self.forces:
+            return
+        wrench, position = self.forces[c.name], self.pose[..., :3]
+        b = self.mech.topology.number(c.body) - 1
+        place = position[:, b] + turned(
+            self.pose[:, b, 3:], np.asarray(self.mech.model.point_of(c))
+        )
         for body, signed in zip(c.pair, (wrench, -wrench)):
-            b = mech.topology.number(body) - 1
+            b = self.mech.topology.number(body) - 1
             if b >= 0:
                 arm = place - position[:, b]
-                out[:, b, :3] += signed[:, :3] + np.cross(arm, signed[:, 3:])
-                out[:, b, 3:] += signed[:, 3:]
+                self.out[:, b, :3] += signed[:, :3] + np.cross(arm, signed[:, 3:])
+                self.out[:, b, 3:] += signed[:, 3:]
 
+    def on_cam(self, c: Cam) -> None:
+        """Add the force of a cam at its contact, and the opposite one on the cam."""
+        if c.name not in self.forces:
+            return
+        found = cam_record(c, self.mech, self.q, self.pose, self.forces[c.name])
+        for name, sign in ((c.body, 1.0), (c.other, -1.0)):
+            b = self.mech.topology.number(name) - 1
+            self.out[:, b] += sign * found.wrench(self.pose[:, b, :3])
 
-def add_rope_wrenches(
-    mech: Mechanism, name: str, forces: Mapping[str, Array], states: tuple[Array, Array], out: Array
-) -> None:
-    """Add the tensions of a rope as wrenches on the bodies along it."""
-    blocks, (pose, q) = mech.packed.blocks, states
-    for own, k in segments_of(blocks, name):
-        if own not in forces:
-            continue
-        spans, _ = rope_spans(mech.packed, k, q.copy())
-        tension = np.einsum("nk,nk->n", forces[own][:, 3:], spans[:, 0, 6:])
-        first, count = blocks.blocks_i[k, [at.B_STATION, at.B_STATIONS]].tolist()
-        numbers = blocks.stations["body"][first : first + count].tolist()
-        for a, b, span in zip(numbers, numbers[1:], spans.swapaxes(0, 1)):
-            force = tension[:, None] * span[:, 6:]
-            for number, place, signed in ((a, span[:, :3], force), (b, span[:, 3:6], -force)):
-                if number:
-                    arm = place - pose[:, number - 1, :3]
-                    out[:, number - 1, :3] += np.cross(arm, signed)
-                    out[:, number - 1, 3:] += signed
+    def along_rope(self, c: Rope) -> None:
+        """Add the tensions of a rope on the bodies along it."""
+        blocks = self.mech.packed.blocks
+        for own, k in segments_of(blocks, c.name):
+            if own not in self.forces:
+                continue
+            spans, _ = rope_spans(self.mech.packed, k, self.q.copy())
+            tension = np.einsum("nk,nk->n", self.forces[own][:, 3:], spans[:, 0, 6:])
+            first, count = blocks.blocks_i[k, [at.B_STATION, at.B_STATIONS]].tolist()
+            numbers = blocks.stations["body"][first : first + count].tolist()
+            for a, b, span in zip(numbers, numbers[1:], spans.swapaxes(0, 1)):
+                force = tension[:, None] * span[:, 6:]
+                for number, place, signed in ((a, span[:, :3], force), (b, span[:, 3:6], -force)):
+                    if number:
+                        arm = place - self.pose[:, number - 1, :3]
+                        self.out[:, number - 1, :3] += np.cross(arm, signed)
+                        self.out[:, number - 1, 3:] += signed

@@ -39,13 +39,14 @@ def on_curves(record: Running) -> Iterator[str]:
         beyond = ((q < low - slack) | (q > high + slack)) & _acts(record, c.name, n)
         i = int(np.argmax(beyond)) if beyond.any() else n
         if i < (n if first is None else first[0]):
-            first = i, c
+            first = i, c, ("beginning", low) if q[i] < low else ("end", high)
     if first is not None:
-        i, c = first
+        i, c, (end, s) = first
+        place = ", ".join(f"{x:.4g}" for x in c.curve.at(s)[0].tolist())
         yield (
-            f"the point of constraint '{c.name}' is past an end of its curve at t = "
-            f"{record.steps.times[i]:.6g} s, where the bend of the end goes on; give more points, "
-            "or stop it by a limit or a contact"
+            f"the point of constraint '{c.name}' is past the {end} [{place}] of its curve at t = "
+            f"{record.steps.times[i]:.6g} s, and the bend there goes on; give more points, or stop "
+            "it by a limit or a contact"
         )
 
 

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..analysis.rows import Rows
-from ..model import Rope
 from ..packing import Array
-from ..packing.cable_lines import Lying, cables_of, spans_in
+from ..packing.cable_lines import Lying, cables_of, ropes_of, spans_in
 from ..tolerances import NOTABLE, SOLVED, VISIBLE
 from .running import Running
 
@@ -87,12 +86,13 @@ def pushing(record: Running) -> Iterator[str]:
     from ..dynamics.scene import rope_spans, segments_of
 
     packed, n = record.mech.packed, record.steps.recorded
-    for name in (c.part.name for c in cables_of(packed) if c.part.name in packed.blocks.names):
+    for rope in ropes_of(packed):
+        name = rope.part.name
         for own, k in segments_of(packed.blocks, name):
             spans, _ = rope_spans(packed, k, record.out.q[:n, : record.mech.nq].copy())
             pull = np.einsum("nk,nk->n", record.out.wrenches[:n, k, 3:6], spans[:, 0, 6:])
             pushes = np.flatnonzero(pull < -SOLVED * np.abs(pull).max(initial=0.0))
-            if len(pushes) and not _is_relative(record, name):
+            if len(pushes) and not _is_relative(record, rope):
                 t = record.steps.times[pushes[0]]
                 yield (
                     f"constraint '{name}': its segment '{own}' would have to push from t = "
@@ -102,16 +102,15 @@ def pushing(record: Running) -> Iterator[str]:
                 break
 
 
-def _is_relative(record: Running, name: str) -> bool:
+def _is_relative(record: Running, rope: Lying) -> bool:
     """Check whether the tensions of a belt are relative to an unknown pretension.
 
     The rows of its segments are then redundant: no motion changes the sum of their lengths.
     """
     mech = record.mech
-    k = mech.packed.blocks.names.index(name)
-    rope = mech.model.constraints[k]
-    if not (isinstance(rope, Rope) and rope.closed):
+    if not rope.part.closed:
         return False
+    k = mech.packed.blocks.names.index(rope.part.name)
     rows = Rows.of(mech, np.array([k]), record.out.q[0, : mech.nq].copy()).J
     return int(np.linalg.matrix_rank(rows)) < len(rows)
 

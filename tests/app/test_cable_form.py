@@ -5,6 +5,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.constraints import cables
+from pgraph_app.constraints.mobility import mobility_report
 from pgraph_app.constraints.view import constraints
 from pgraph_app.core.state import derive
 from pgraph_app.digraph.view import digraph
@@ -264,3 +265,15 @@ def test_a_wheel_that_no_shape_shows_is_drawn():
     np.testing.assert_allclose(drawn.size[0, :2], 0.4)
     bare = led(BELT, "motor", "load", closed=True)
     assert len(marks.joinings(bare, np.zeros((2, 3)), np.array([np.eye(3)] * 2))["drums"].size) == 2
+
+
+def test_a_cable_that_cannot_lie_there_is_named_in_the_report_of_the_page():
+    """As a rope is, which is a constraint."""
+    through = ["left", pg.Pulley("sheave", radius=0.1), "right"]
+    cable = pg.Cable(name="hoist", through=through, length=2.0)
+    (line,) = mobility_report(begun(ATWOOD.add(cable)))["lines"]
+    assert (line["constraint"], line["part"], line["bad"]) == ("hoist", "forces", True)
+    assert "2 segments" in line["text"]
+    assert not mobility_report(begun(ATWOOD.add(cable.model_copy(update={"length": None}))))[
+        "lines"
+    ]

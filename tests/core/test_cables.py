@@ -1,9 +1,13 @@
 """Cables, ropes and belts over wheels: closed forms, energy, tensions, slack and refusals."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.packing.cable_lines import led_problems
+from tests.refusals import assert_names, refusal
 
 G = 9.81
 UP = (0.0, 0.0, 1.0)
@@ -262,3 +266,35 @@ def rope_of(*through, **more):
 def test_a_rope_that_cannot_lie_on_its_wheels_is_refused(through, told):
     with pytest.raises(pg.ModelError, match=told):
         _ = rope_of(*through).packed.blocks
+
+
+def test_a_length_is_that_of_one_segment():
+    """The sheave that the cable grips makes two of it, and each would have the whole length."""
+    for cable, more in ((pg.Rope, {}), (pg.Cable, {}), (pg.Cable, {"stiffness": 1e4})):
+        mech = pg.Mechanism(atwood(cable=cable, length=2.0, **more))
+        (problem,) = led_problems(mech.packed)
+        assert (problem.where.split()[1], problem.field) == ("'rope'", "length")
+        assert_names(problem.text, "2 segments", "grip=False")
+        assert str(problem) in str(refusal(partial(pg.simulate, mech, t_end=0.01)))
+    whole = atwood(grip=False, cable=pg.Cable, length=2.8, stiffness=1e4)
+    assert not led_problems(pg.Mechanism(whole).packed)
+
+
+@pytest.mark.parametrize("x", [0.37, 1.0, 2.3])
+def test_a_damped_cable_that_lengthens_from_its_rest_pulls_at_once(x):
+    trolley = pg.Body(name="a", joint="prismatic", axes=[(1, 0, 0)], mass=1, q=(x,), v=(1.0,))
+    cable = pg.Cable(name="c", through=["a", ("ground", (0, 0.3, 0.1))], stiffness=100, damping=5)
+    run = pg.simulate(pg.Model(bodies=[trolley], gravity=(0, 0, 0), forces=[cable]), t_end=0.01)
+    along = x / np.linalg.norm((x, 0.3, 0.1))
+    assert run.tension["c"][0] == pytest.approx(5 * along, rel=1e-12)
+    assert run.vdot[0, 0] == pytest.approx(-5 * along**2, rel=1e-12)
+
+
+def test_an_equilibrium_names_the_cables_that_do_not_act():
+    mech = pg.Mechanism(atwood(grip=False, cable=pg.Cable))
+    assert_names(str(refusal(mech.equilibrium)), "'rope'", "stiffness", "ropes")
+
+
+def test_stretch_of_a_rope_is_led_to_a_cable():
+    for name in ("stiffness", "damping", "tension"):
+        assert_names(str(refusal(partial(atwood, **{name: 10.0}))), name, "pg.Cable")

@@ -372,6 +372,11 @@ def test_files_hold_via_points_and_older_versions_refuse_them():
         pg.Spring(name="s", body="a", stiffness=1.0)]).to_json()  # fmt: skip
 
 
+def test_a_pair_is_a_via_point_as_among_the_stations_of_a_cable():
+    pair, via = ("b", (0.1, 0, 1)), pg.Via(body="b", point=(0.1, 0, 1))
+    assert pg.Spring(name="s", body="a", via=[pair]) == pg.Spring(name="s", body="a", via=[via])
+
+
 def test_via_points_follow_their_bodies():
     model = floating(over(ALSO_GROUND))
     named = model.edit("b", name="new").forces[0]
