@@ -412,3 +412,11 @@ def test_other_struts_are_reported(tmp_path, fields):
     report = pg.write_mjcf(pg.Model([rod], forces=[strut]), tmp_path / "out.xml")
     assert not report.loaded
     assert "force 's'" in texts(report, "left out")
+
+
+def test_a_tendon_with_armature_keeps_its_spring(tmp_path):
+    xml = ROPED.format(slack="0.9 0.9", damping=3, via="", limits=' armature="2"')
+    model, report = read(tmp_path, xml)
+    assert not report.loaded
+    assert "armature 2" in texts(report, "left out")
+    assert (model["rope"].stiffness, model["rope"].rest) == (200.0, 0.9)

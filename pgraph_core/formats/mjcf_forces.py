@@ -215,18 +215,17 @@ class Forces:
                     text = "a tendon without spring, damper, friction, limits or actuator"
                     self.reader.left_out("tendon", name, text, acts=False)
                 continue
-            if (
-                m.tendon_armature[t]
-                or m.tendon_springyield[t]
-                or any(
-                    np.any(getattr(m, f"tendon_{x}poly", np.zeros(t + 1))[t])
-                    for x in ("stiffness", "damping")
-                )
+            if m.tendon_springyield[t] or any(
+                np.any(getattr(m, f"tendon_{x}poly", np.zeros(t + 1))[t])
+                for x in ("stiffness", "damping")
             ):
-                self.reader.left_out(
-                    "tendon", name, "a tendon with armature, or not linear or elastic"
-                )
+                self.reader.left_out("tendon", name, "a tendon that is not linear or elastic")
                 continue
+            if armature := float(m.tendon_armature[t]):
+                text = f"the armature {armature:g} of a tendon, an inertia along it"
+                self.reader.left_out("tendon", name, text)
+                if not (pulls or m.tendon_frictionloss[t] or m.tendon_limited[t]):
+                    continue
             sums = self._along_joints(t)
             if sums is None:
                 yield from self._over_sites(t, name)
