@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .errors import PgraphError as PgraphError
     from .errors import Problem as Problem
     from .forces import Bushing as Bushing
+    from .forces import LinearActuator as LinearActuator
     from .forces import Lines as Lines
     from .forces import Strut as Strut
     from .forces import Via as Via

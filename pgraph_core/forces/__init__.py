@@ -9,6 +9,7 @@ it here. Signs and angles are in docs/description.md.
 # in the order in which kinds are listed; the first one stands for no known kind
 from .base import VIA as VIA
 from .base import Between as Between
+from .base import Driven as Driven
 from .base import Force as Force
 from .base import Load as Load
 from .base import OnBody as OnBody
@@ -34,7 +35,9 @@ from .bushing import Bushing as Bushing
 from .cable import Cable as Cable
 from .strut import Lines as Lines
 from .strut import Strut as Strut
-from . import bushing, cable, drag, spring, strut, torsion, wrench
+from .linear_actuator import LinearActuator as LinearActuator
+from . import bushing, cable, drag, linear_actuator, spring, strut, torsion, wrench
 
 # kinds of force on bodies, in the order of their tables
-LOADS = (wrench.LOAD, spring.LOAD, torsion.LOAD, drag.LOAD, bushing.LOAD, strut.LOAD, cable.LOAD)
+STRUTS = strut.LOAD._replace(others={LinearActuator: linear_actuator.pack})
+LOADS = (wrench.LOAD, spring.LOAD, torsion.LOAD, drag.LOAD, bushing.LOAD, STRUTS, cable.LOAD)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
@@ -15,6 +16,7 @@ from ..engine.records import INTEGER, REAL, record
 from ..engine.vec import scale
 from ..errors import shown
 from ..fields import (
+    EMPTY,
     GROUND,
     Entries3,
     Expression,
@@ -49,6 +51,7 @@ class Force(OfKinds):
     PASSIVE: ClassVar[bool] = False  # acts in every question, others and what varies in runs only
     VARIES: ClassVar[tuple[str, ...]] = ()  # fields that take expressions
     VARIES_SINCE: ClassVar[int] = 6  # schema version of files in which they do
+    ANY_UNIT: ClassVar[tuple[str, ...]] = ()  # fields of any unit, since another one is a gain
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}
     WORD: ClassVar[str] = "force"
     NOTHING: ClassVar[Mapping[str, Any]] = {
@@ -84,6 +87,40 @@ class Force(OfKinds):
     def _idle(self) -> str:
         """Return the reason why the force has no effect in any motion, or ""."""
         return ""
+
+
+class Driven(Force):
+    """A force with one field that is its input, which runs and steppers can give."""
+
+    INPUT: ClassVar[str]  # the field that is the input
+
+    if TYPE_CHECKING:
+        input_low: float | None
+        input_high: float | None
+
+    @property
+    def inputs(self) -> tuple[float, float]:
+        """The minimum and maximum of the input."""
+        low, high = self.input_low, self.input_high
+        return (-math.inf if low is None else low), (math.inf if high is None else high)
+
+    def input_problem(self, value: float | Table | str) -> str:
+        """Return the reason why a value or table is invalid as an input, or ""."""
+        low, high = self.inputs
+        if isinstance(value, str):  # held within them while it runs
+            return ""
+        values = value.value if isinstance(value, Table) else (value,)
+        bad = next((x for x in values if not low <= x <= high), None)
+        return "" if bad is None else f"must be from {low:g} to {high:g}, got {shown(bad)}"
+
+    def _input_problems(self) -> list[tuple[str, str]]:
+        """Return the problems with the input and its bounds."""
+        low, high = self.inputs
+        if low > high:
+            text = f"must be at most input_high, {shown(high)}, got {shown(low)}"
+            return [("input_low", text)]
+        text = self.input_problem(getattr(self, self.INPUT))
+        return [(self.INPUT, text)] if text else []
 
 
 def ends_of(f: Force) -> tuple[float | None, float | None]:
@@ -275,6 +312,7 @@ class Load(NamedTuple):
     """A kind of force on bodies, in kernel form.
 
     `pack(f, one, at)` writes the numbers of a force into its row, and returns its knots or None.
+    `others` are parts with the same law, which the same table holds, and how to pack them.
     """
 
     part: type[OnBody]
@@ -284,8 +322,14 @@ class Load(NamedTuple):
     columns: int = 1  # number of columns of its knots
     linear: Callable[[Any], bool] = _always  # whether the loads of a table are linear in speeds
     split: Callable[[Any, Places], Sequence[Any]] = _whole  # its rows, with the `pair` of each
+    others: Mapping[type[OnBody], Callable[[Any, Any, Places], Array | None]] = EMPTY
 
     @property
     def kind(self) -> str:
         """The name of this kind."""
         return self.part.own_kind()
+
+    @property
+    def parts(self) -> tuple[type[OnBody], ...]:
+        """The parts that its table holds."""
+        return self.part, *self.others

@@ -12,10 +12,10 @@ from ..curves import Table
 from ..errors import shown
 from ..fields import EMPTY, ByName, Expression, Flag, Number, OfSums, Whole, by_name, field, refuse
 from ..units import NONE, Dim, J, Q, S
-from .base import KIND, Force, over_time
+from .base import KIND, Driven, over_time
 
 
-class OnJoint(Force, OfSums):
+class OnJoint(Driven, OfSums):
     """A drive acting on a coordinate of the joint of `body`, or on a sum of joint coordinates.
 
     Its length is gear x q, or gear x the sum of coefficients x q. Its force acts on each
@@ -100,13 +100,7 @@ class OnJoint(Force, OfSums):
         least, most = self.torques
         if least >= most:
             found.append(("torque_low", f"must be below torque_limit, got {shown(least)}"))
-        low, high = self.inputs
-        if low > high:
-            text = f"must be at most input_high, {shown(high)}, got {shown(low)}"
-            found.append(("input_low", text))
-        elif text := self.input_problem(getattr(self, self.INPUT)):
-            found.append((self.INPUT, text))
-        refuse(found)
+        refuse(found + self._input_problems())
         return self
 
     def _no_state_of(self) -> list[tuple[str, str]]:
@@ -151,21 +145,6 @@ class OnJoint(Force, OfSums):
     def states(self) -> tuple[float, float]:
         """The minimum and maximum of the input's integral."""
         low, high = self.state_low, self.state_high
-        return (-math.inf if low is None else low), (math.inf if high is None else high)
-
-    def input_problem(self, value: float | Table | str) -> str:
-        """Return the reason why a value or table is invalid as an input, or ""."""
-        low, high = self.inputs
-        if isinstance(value, str):  # held within them while it runs
-            return ""
-        values = value.value if isinstance(value, Table) else (value,)
-        bad = next((x for x in values if not low <= x <= high), None)
-        return "" if bad is None else f"must be from {low:g} to {high:g}, got {shown(bad)}"
-
-    @property
-    def inputs(self) -> tuple[float, float]:
-        """The minimum and maximum of the input."""
-        low, high = self.input_low, self.input_high
         return (-math.inf if low is None else low), (math.inf if high is None else high)
 
     @property
@@ -319,6 +298,7 @@ class Actuator(OnJoint):
     INPUT: ClassVar[str] = "input"
     VARIES: ClassVar[tuple[str, ...]] = ("torque", INPUT)
     SINCE: ClassVar[int] = 3
+    ANY_UNIT: ClassVar[tuple[str, ...]] = ("input",)
 
     kind: Literal["actuator"] = field(KIND, default="actuator")
     input: Number | Table | Expression = field(

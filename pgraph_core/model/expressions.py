@@ -24,7 +24,7 @@ from .rope import Rope
 
 Bodies = Mapping[str, Body | None]
 # forces that have a tension along a path
-TENSE = tuple(kind.part for kind in LOADS if kind.action.tension is not None)
+TENSE = tuple(part for kind in LOADS if kind.action.tension is not None for part in kind.parts)
 DRIVEN = ("u", "f")  # groups of signals of drives
 SIGNALS_OF = {  # parts of a model -> groups of the signals that they have
     "outputs": ("out",), "controls": ("x",), "forces": ("force", *DRIVEN),
@@ -336,8 +336,8 @@ def wanted(part: Described, name: str, bodies: Bodies) -> Dim | None:
     dim = part._dim_of(name)
     if isinstance(part, Control):
         return None  # its numbers are gains, which have any unit
-    if isinstance(part, OnJoint) and name == part.INPUT and part.own_kind() == "actuator":
-        return None  # its gain has any unit
+    if isinstance(part, Force) and name in part.ANY_UNIT:
+        return None
     if not dim.coordinate:
         return dim
     terms = [(part.body, part.coordinate)] if isinstance(part, OfOne) else ()

@@ -87,7 +87,7 @@ class Placed:
         found, first = list[tuple[str, range]](), 0
         for kind in LOADS:
             for f in forces if kind.action.tension is not None else ():
-                if type(f) is kind.part:
+                if type(f) in kind.parts:
                     end = first + len(kind.split(f, self))
                     found.append((f.name, range(first, end)))
                     first = end
@@ -109,7 +109,7 @@ def loads(
 ) -> Loads:
     """Pack the loads in `forces`, given the bodies' poses in the initial state `home`."""
     at = Placed(model, topology, packed, home)
-    tables = (_loads(kind, [f for f in forces if type(f) is kind.part], at) for kind in LOADS)
+    tables = (_loads(kind, [f for f in forces if type(f) in kind.parts], at) for kind in LOADS)
     return Loads(*tables, NO_SIGNALS)
 
 
@@ -121,7 +121,7 @@ def _loads(kind: Load, ours: Sequence[OnBody], at: Placed) -> tuple[Any, Array, 
     for one, f in zip(found, parts):
         one["body_a"], one["body_b"] = (at.number(name) for name in f.pair)
         one["row_a"], one["row_b"] = (at.packed.row_of(int(one[x])) for x in ("body_a", "body_b"))
-        own = kind.pack(f, one, at)
+        own = kind.others.get(type(f), kind.pack)(f, one, at)
         own = none if own is None else own
         one["first_knot"], one["knots"] = sum(map(len, knots)), len(own)
         knots.append(own)

@@ -20,7 +20,8 @@ from ..engine.stepping.measured import (
     TENSION,
 )
 from ..errors import ModelError, Problem, choices
-from ..forces import LOADS, Cable, OnBody, OnJoint, Strut, Wrench
+from ..forces import LOADS, Cable, LinearActuator, OnBody, OnJoint, Strut, Wrench
+from ..forces.linear_actuator import PULL
 from ..model import Contact, Control, Force, Model, Rope
 from ..model.control import STATE, Own
 from ..model.expressions import TENSE
@@ -113,14 +114,17 @@ class Places:
             text += f"{written('force', name)} in expressions"
         raise ModelError(Problem(f"{part.word()} '{name}'", "through", text))
 
-    def of_load(self, program: Program, f: OnBody) -> Iterator[tuple[Operand, int]]:
-        """Yield (value, column of the knots) for each expression in a load."""
-        if isinstance(f, Wrench):
-            yield from self._of_wrench(program, f)
-            return
-        for column, name in enumerate(f.VARIES):
-            if isinstance(value := getattr(f, name), str):
-                yield program.value(value), column
+    def of_load(self, program: Program, f: OnBody, row: Any) -> Iterator[tuple[int, ...]]:
+        """Yield (value, first knot, how many, column) for each number that varies in a load."""
+        first, count = row[[*SPAN]].tolist()
+        if isinstance(f, LinearActuator):
+            yield program.pull(f), first, 1, PULL
+        elif isinstance(f, Wrench):
+            yield from ((x, first, count, k) for x, k in self._of_wrench(program, f))
+        else:
+            for column, name in enumerate(f.VARIES):
+                if isinstance(value := getattr(f, name), str):
+                    yield program.value(value), first, count, column
 
     def _of_wrench(self, program: Program, f: Wrench) -> Iterator[tuple[Operand, int]]:
         """Yield (value, column of the knots) for each entry that varies, in the axes of the row."""
@@ -179,14 +183,21 @@ def signals(
     program = Program(model.parameters, places, controls, known, holds=True)
     targets = list[tuple[int, ...]]()
     rows = iter(drives.table[drives.passive :])
-    tables = {kind.part: (n, iter(loads[n][0])) for n, kind in enumerate(LOADS)}
+    tables = {  # of loads that may vary, which have one row each
+        part: table
+        for table in ((kind, 1 + n, iter(loads[n][0])) for n, kind in enumerate(LOADS))
+        for part in table[0].parts
+        if any(other.VARIES for other in table[0].parts)
+    }
     owner = 0
     for f in forces:
         found = list[tuple[int, ...]]()
-        if isinstance(f, OnBody) and f.VARIES:  # one row each
-            kind, table = tables[type(f)]
-            row, given = next(table), places.of_load(program, f) if f._varies else ()
-            found = [(x, 1 + kind, *row[[*SPAN]].tolist(), k) for x, k in given]
+        if isinstance(f, OnBody) and type(f) in tables:
+            _, kind, table = tables[type(f)]
+            row, given = next(table), ()
+            if f._varies:
+                given = places.of_load(program, f, row)
+            found = [(x, kind, *where) for x, *where in given]
         elif isinstance(f, OnJoint):
             row, given = next(rows), zip(program.of_drive(f) if f._varies else (), KNOTS)
             found = [(x, DRIVE, *row[[*at]].tolist(), 1) for x, at in given if x is not None]
@@ -209,8 +220,8 @@ def signals(
         for n, f in enumerate((f for f in forces if isinstance(f, OnJoint)), drives.passive):
             if f._bends:
                 program.watch_drive(f, n)
-        for n, f in enumerate(f for f in forces if isinstance(f, Strut)):
-            if f._bends:
+        for n, f in enumerate(f for f in forces if isinstance(f, (Strut, LinearActuator))):
+            if isinstance(f, Strut) and f._bends:
                 program.watch_strut(f, n, int(loads.strut[0]["first_knot"][n]))
         for n, one in enumerate(loads.cable[0]):
             program.watch_cable(n, one)

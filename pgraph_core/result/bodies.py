@@ -11,8 +11,8 @@ from ..curves import Table
 from ..dynamics.scene import load_wrenches, rope_spans, segments_of
 from ..dynamics.states import BodyMotion, bodies_over, turned
 from ..engine import layout as at
-from ..forces import OnJoint
-from ..model import Constraint, Force, Model, Rope
+from ..forces import Driven, OnJoint
+from ..model import Force, Model, Rope
 from ..model.cam import Cam
 from ..model.expressions import wanted
 from ..packing import Array
@@ -102,7 +102,7 @@ def acting(run: Any) -> tuple[Force, ...]:
     inputs = run.header.get("inputs", {})
 
     def driven(f: Force) -> Force:
-        if not isinstance(f, OnJoint) or f.name not in inputs:
+        if not isinstance(f, Driven) or f.name not in inputs:
             return f
         x = inputs[f.name]
         return f.unchecked_copy({f.INPUT: Table(**x) if isinstance(x, dict) else x})

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 
 from ..dynamics.arguments import finite
 from ..errors import InputError, Problem, one_of, shown
-from ..forces import OnJoint
+from ..forces import LinearActuator, OnJoint, Strut
+from ..forces.linear_actuator import GIVEN, write_input
 from ..model import Force, Servo, Table
-from ..packing import Drives
+from ..packing import Array, Drives, Loads
 from ..packing.forces import AT_ONCE, FOLLOWS, Follows, followed
 from .options import first_of
 
@@ -17,13 +18,54 @@ KNOTS = ("first_target", "targets", "first_torque", "torques")  # fields that lo
 
 
 class Input(NamedTuple):
-    """An input u, whose knots have the values start + slope u."""
+    """An input u, whose knot has the value start + slope u."""
 
     force: OnJoint
+    knots: Array
     knot: int
     start: float
     slope: float
     follows: Follows  # dynamics of the effective value
+
+    @property
+    def u(self) -> float:
+        if not self.slope:
+            return first_of(getattr(self.force, self.force.INPUT))
+        return float((self.knots[self.knot, 1] - self.start) / self.slope)
+
+    def put(self, u: float, t: float) -> None:
+        """Set the input to u from time t on."""
+        one = self.knots[self.knot]
+        if self.follows != AT_ONCE:
+            one[3] = followed(self.follows, one[1], 0.0, one[3], max(t - one[0], 0.0))
+            one[0] = t
+        one[1] = self.start + self.slope * u
+
+    def acts(self) -> tuple[str, int, float]:
+        """Return (table, knot, its rate of change with the input)."""
+        return "drives", self.knot, self.slope
+
+
+class InputOfPath(NamedTuple):
+    """The input u of an actuator along a path, whose knot has its pull within the bounds."""
+
+    force: LinearActuator
+    knots: Array
+    knot: int
+
+    @property
+    def u(self) -> float:
+        return float(self.knots[self.knot + 1, GIVEN])
+
+    def put(self, u: float, t: float) -> None:
+        """Set the input to u."""
+        write_input(self.force, self.knots[self.knot :], u)
+
+    def acts(self) -> tuple[str, int, float]:
+        """Return (table, knot, its rate of change with the input)."""
+        least, most = self.force.forces
+        inside = least < self.force.force + self.force.gain * self.u < most
+        return "strut", self.knot, -self.force.gain if inside else 0.0
 
 
 class Inputs:
@@ -32,10 +74,10 @@ class Inputs:
     Values that are read by expressions are not set here.
     """
 
-    def __init__(self, forces: Sequence[Force], drives: Drives, read: Container[str]):
-        self.knots = drives.knots
+    def __init__(self, forces: Sequence[Force], drives: Drives, loads: Loads, read: Container[str]):
+        self._drives = drives.knots
         self.servos: dict[str, int] = {}  # the knot of each target
-        self.known: dict[str, Input] = {}
+        self.known: dict[str, Input | InputOfPath] = {}
         driving = [f for f in forces if isinstance(f, OnJoint)]
         rows = drives.table[[*KNOTS, *FOLLOWS]][drives.passive :].tolist()
         for f, (first_target, targets, first_torque, torques, *follows) in zip(driving, rows):
@@ -45,19 +87,21 @@ class Inputs:
                 self.servos[f.name] = first_target
             gain, kp, torque = f.law.gain, f.law.kp, f.law.torque
             if f.aims and targets == 1:
-                self.known[f.name] = Input(f, first_target, 0.0, gain / kp, tuple(follows))
+                place = f, drives.knots, first_target, 0.0, gain / kp
+                self.known[f.name] = Input(*place, tuple(follows))
             elif not f.aims and torques == 1 and not isinstance(torque, Table):
                 start: Any = 0.0 if f.integrates else torque
-                self.known[f.name] = Input(f, first_torque, start, gain, tuple(follows))
+                place = f, drives.knots, first_torque, start, gain
+                self.known[f.name] = Input(*place, tuple(follows))
+        table, knots, _ = loads.strut
+        struts = (f for f in forces if isinstance(f, (Strut, LinearActuator)))
+        for f, one in zip(struts, table):
+            if isinstance(f, LinearActuator) and not f._varies:
+                self.known[f.name] = InputOfPath(f, knots, int(one["first_knot"]))
 
     def values(self) -> dict[str, float]:
         """Return the values of the inputs by name."""
-        return {
-            name: float((self.knots[x.knot, 1] - x.start) / x.slope)
-            if x.slope
-            else first_of(getattr(x.force, x.force.INPUT))
-            for name, x in self.known.items()
-        }
+        return {name: x.u for name, x in self.known.items()}
 
     def all_checked(self, inputs: Any) -> list[tuple[str, float]]:
         """Return checked values by name. Raises InputError."""
@@ -78,12 +122,7 @@ class Inputs:
 
     def put(self, name: str, u: float, t: float) -> None:
         """Set an input to u from time t on."""
-        _, knot, start, slope, follows = self.known[name]
-        one = self.knots[knot]
-        if follows != AT_ONCE:
-            one[3] = followed(follows, one[1], 0.0, one[3], max(t - one[0], 0.0))
-            one[0] = t
-        one[1] = start + slope * u
+        self.known[name].put(u, t)
 
     def aim(self, servo: str, value: Any) -> None:
         """Set the target of a servo. Raises InputError."""
@@ -96,4 +135,4 @@ class Inputs:
             raise InputError(Problem("Stepper.target", "servo", text))
         if servo in self.known:  # all with a gain
             self.checked(servo, value)
-        self.knots[self.servos[servo], 1] = finite("value", [value], 1)[0]
+        self._drives[self.servos[servo], 1] = finite("value", [value], 1)[0]

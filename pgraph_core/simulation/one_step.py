@@ -16,6 +16,8 @@ from .recording import Recording
 from .sensitivity import Carried, directions
 from .variables import Given, Slope, Variable
 
+ByInput = tuple[str, int, float]  # a table, its knot that an input moves, the rate of change
+
 
 class LinearStep(NamedTuple):
     """δx⁺ = A δx + B δu of one step, to first order.
@@ -30,11 +32,11 @@ class LinearStep(NamedTuple):
 
 
 def linear_step(
-    own: Recording, options: Options, width: float, tau: Any, inputs: dict[str, tuple[int, float]]
+    own: Recording, options: Options, width: float, tau: Any, inputs: dict[str, ByInput]
 ) -> LinearStep:
     """Compute the linearised next step, of a width [s], of a recording with torques `tau`.
 
-    `inputs` are {name: (knot, its change with the input)}. Raises InputError.
+    Raises InputError.
     """
     mech = own.mech
     nq, nv = mech.nq, mech.nv
@@ -80,17 +82,20 @@ def linear_step(
     return LinearStep(both[:, : 2 * nv], both[:, 2 * nv :], tuple(carried.ended))
 
 
-def _acting(scene: Scene, one: int | tuple[int, float] | None = None) -> Array:
-    """Return the slope of a scene by the torque of a joint, or by (knot, slope) of an input.
+def _acting(scene: Scene, one: int | ByInput | None = None) -> Array:
+    """Return the slope of a scene by the torque of a joint, or by an input.
 
     It is zero if `one` is None.
     """
-    none, knots = np.zeros(len(scene.given)), scene.drives.knots.copy()
+    none, own, (table, pulls, vias) = np.zeros(len(scene.given)), scene.drives, scene.loads.strut
+    knots = {"drives": own.knots.copy(), "strut": pulls.copy()}
     ends = []
     for share in (0.0, 1.0):
         given = none if one is None or isinstance(one, tuple) else share * np.eye(len(none))[one]
         if isinstance(one, tuple):
-            knots[one[0], 1] = share * one[1]
-        drives = scene.drives._replace(knots=knots)
-        ends.append(flat(SCENE_OF_DUALS, scene._replace(given=given, drives=drives)))
+            of, knot, slope = one
+            knots[of][knot, 1] = share * slope
+        drives = own._replace(knots=knots["drives"])
+        loads = scene.loads._replace(strut=(table, knots["strut"], vias))
+        ends.append(flat(SCENE_OF_DUALS, scene._replace(given=given, drives=drives, loads=loads)))
     return slope_of(ends, (0.0, 1.0))

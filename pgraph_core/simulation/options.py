@@ -14,7 +14,7 @@ import numpy as np
 from ..dynamics.arguments import whole_number
 from ..errors import InputError, ModelError, Problem, needed, one_of, shown
 from ..fields import Flag, Number, Text, Whole, field, is_number, listed
-from ..forces import OnJoint
+from ..forces import Driven, OnJoint
 from ..integrators import Method
 from ..mechanism import Mechanism
 from ..model import Force, Scenario, Table
@@ -206,7 +206,7 @@ def inputs_of(given: Mapping[str, Any] | None, call: str) -> Inputs:
 def driven(forces: Sequence[Force], inputs: Inputs, call: str, t_start: float) -> tuple[Force, ...]:
     """Return the forces with these inputs for their own from t_start on. Raises InputError."""
     new = dict(inputs)
-    known = {f.name: f for f in forces if isinstance(f, OnJoint)}
+    known = {f.name: f for f in forces if isinstance(f, Driven)}
     for name, value in inputs:
         if name not in known:
             do = one_of(known) if known else "the model has no motors or servos"
@@ -215,16 +215,16 @@ def driven(forces: Sequence[Force], inputs: Inputs, call: str, t_start: float) -
         if text := known[name].input_problem(value):
             raise InputError(Problem(call, f"inputs[{name!r}]", text))
     return tuple(
-        _given(f, new[f.name], t_start) if isinstance(f, OnJoint) and f.name in new else f
+        _given(f, new[f.name], t_start) if isinstance(f, Driven) and f.name in new else f
         for f in forces
     )
 
 
-def _given(f: OnJoint, value: float | Table, t_start: float) -> OnJoint:
+def _given(f: Driven, value: float | Table, t_start: float) -> Driven:
     """Return a drive with this input. If the drive has a lag, its original input still acts
     initially."""
     update: dict[str, Any] = {f.INPUT: value}
-    if f.lag and f.start is None:
+    if isinstance(f, OnJoint) and f.lag and f.start is None:
         update["start"] = _at(getattr(f, f.INPUT), t_start)
     return f.unchecked_copy(update)
 

@@ -13,7 +13,7 @@ from ..curves import Table
 from ..dynamics.arguments import names_in
 from ..errors import InputError, ModelError, Problem, nearest, nearest_name, shown
 from ..fields import about, is_number
-from ..forces import OnJoint
+from ..forces import Driven, OnJoint
 from ..joints import KINDS as JOINTS
 from ..joints import home
 from ..model import Body, Model
@@ -182,7 +182,7 @@ class Path:
         inputs = given.get("inputs")
         if self.group == "forces" and isinstance(inputs, Mapping) and self.name in inputs:
             force = model.part(self.name, "force")
-            if isinstance(force, OnJoint) and field == force.INPUT:
+            if isinstance(force, Driven) and field == force.INPUT:
                 return f"inputs[{self.name!r}] of the call"
         return ""
 

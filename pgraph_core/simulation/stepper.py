@@ -357,8 +357,7 @@ class Stepper(Readings):
         chosen = {}
         for name in inputs or ():
             self._inputs.checked(name, self.inputs.get(name, 0.0))
-            _, knot, _, slope, _ = self._inputs.known[name]
-            chosen[name] = knot, slope
+            chosen[name] = self._inputs.known[name].acts()
         acting = self._tau if callable(self._tau) else self._record.scene.given.copy()
         torques = acting if tau is None else by_name(self.mech, "tau", tau)
         return linear_step(self._record, self.options_of_step, self.width, torques, chosen)
@@ -527,7 +526,8 @@ class Stepper(Readings):
         self._forces = forces
         parts = (*forces, *mech.model.controls)
         read = {name for part in parts for name in drives_read(part)}
-        self._inputs = Inputs(forces, self._record.plan.drives, read)
+        plan = self._record.plan
+        self._inputs = Inputs(forces, plan.drives, plan.loads, read)
         self._ended(Outcome())
         self._open()
 
@@ -590,7 +590,9 @@ class Stepper(Readings):
         scene, steps = self._record.scene, self._steps
         found = [steps.control_table, steps.counters_table, steps.stages, *steps.memory]
         found += [scene.given]
-        found += [scene.active, scene.blocks.blocks_f, self._record.plan.drives.knots, *scene.space]
+        _, inputs_of_paths, _ = scene.loads.strut
+        found += [scene.active, scene.blocks.blocks_f, scene.drives.knots, inputs_of_paths]
+        found += scene.space
         if scene.touching is not None:
             found += scene.touching.memory
         if self._record.user is not None:
