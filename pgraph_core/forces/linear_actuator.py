@@ -14,10 +14,8 @@ from ..fields import Expression, Number, field, refuse
 from ..units import NONE, M, N, S
 from .base import KIND, Array, Driven, Places, over_time
 from .path import BetweenPoints, pack_points
-from .strut import STOP
+from .strut import PULL, STOP
 
-NEVER = np.inf  # the rate at which a knot bends that no motion reaches
-PULL = 1  # column of the knot that has the pull, where those of a strut have a change of slope
 GIVEN = 0  # column of the knot after it, of which no kernel reads this one, that has the input
 
 
@@ -112,14 +110,11 @@ class LinearActuator(BetweenPoints, Driven):
 
 
 def pack(f: LinearActuator, one: Any, at: Places) -> Array:
-    """Write the points, and the knots of a strut with the pull of the input.
-
-    The knot of the pull stands among those of the damper, whose power is no change of the stored
-    energy. It bends at a rate that is never reached, and a run holds the ramp from there at 1.
-    """
+    """Write the points, and return the knots of a strut with the pull of the input."""
     pack_points(f, one, at)
+    one["drives"] = 1
     one["spring"], one["damper"] = (0.0, 0.0, f.kp), (0.0, 0.0, f.kd)
-    knots = np.array([[NEVER, 0.0, 1.0, 1.0], *[[0.0, 0.0, 0.0, np.inf]] * STOP])
+    knots = np.array([[0.0, 0.0, 0.0, 0.0], *[[0.0, 0.0, 0.0, np.inf]] * STOP])
     if isinstance(f.input, float):
         write_input(f, knots, f.input)
     return knots

@@ -16,6 +16,7 @@ from .base import KIND, Array, Load, Places, row
 from .path import BetweenPoints, on_path, pack_points
 
 STOP = 2  # knots of the stop
+PULL = 1  # column of the knot of a drive that has its pull
 
 
 class Lines(Frozen):
@@ -131,15 +132,18 @@ def integral_of(line, knots, first, end, x):
 
 @part
 def pull(one, knots, length, rate, t):
-    """Compute the pull of spring and damper minus the push of the stop."""
+    """Compute the pull of spring, damper and drive minus the push of the stop."""
     first = one.first_knot
     middle = first + one.springs
     stop = first + one.knots - STOP
-    damping = value_of(one.damper, knots, middle, stop, rate)
+    driven = 0.0
+    for n in range(stop - one.drives, stop):
+        driven += knots[n, PULL]
+    damping = value_of(one.damper, knots, middle, stop - one.drives, rate)
     elastic = one.bump_stiffness * above(one.bump_length - length, knots[stop])
     push = above(elastic * (1.0 - one.bump_damping * rate), knots[stop + 1])
-    tension = value_of(one.spring, knots, first, middle, length) + damping - push
-    return tension, 0.0, (damping - push + elastic) * rate
+    tension = value_of(one.spring, knots, first, middle, length) + damping + driven - push
+    return tension, -driven * rate, (damping - push + elastic) * rate
 
 
 @part
@@ -153,7 +157,7 @@ def energy(one, knots, length):
 
 def linear(table: Any) -> bool:
     """Check whether no strut has a damper with bends or a damped stop."""
-    straight = table["knots"] == table["springs"] + STOP
+    straight = table["knots"] == table["springs"] + table["drives"] + STOP
     return bool((straight & (table["bump_damping"] == 0.0)).all())
 
 
@@ -162,7 +166,8 @@ ROW = row(
     point_b=(REAL, 3),
     spring=(REAL, 3),  # x, value and slope of the first line [m, N, N/m]
     damper=(REAL, 3),  # [m/s, N, N s/m]
-    springs=INTEGER,  # knots of the spring; the damper's follow
+    springs=INTEGER,  # knots of the spring; the damper's and drive's follow
+    drives=INTEGER,
     bump_length=REAL,  # [m]
     bump_stiffness=REAL,  # [N/m]
     bump_damping=REAL,  # [s/m]

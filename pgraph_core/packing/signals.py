@@ -21,7 +21,7 @@ from ..engine.stepping.measured import (
 )
 from ..errors import ModelError, Problem, choices
 from ..forces import LOADS, Cable, LinearActuator, OnBody, OnJoint, Strut, Wrench
-from ..forces.linear_actuator import PULL
+from ..forces.strut import PULL
 from ..model import Contact, Control, Force, Model, Rope
 from ..model.control import STATE, Own
 from ..model.expressions import TENSE

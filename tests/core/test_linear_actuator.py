@@ -42,6 +42,14 @@ def test_a_linear_actuator_is_the_strut_of_its_law():
     assert mine.energy_drift < 1e-8
 
 
+def test_the_work_of_a_linear_actuator_is_that_of_its_input():
+    run = pg.simulate(driven(input=-30.0, kp=300.0, kd=4.0), **RUN)
+    shorter = run.path_length["cylinder"][0] - run.path_length["cylinder"]
+    assert run.work == pytest.approx(30.0 * shorter, abs=1e-7)  # of 20 J; the run errs by 1e-8
+    assert (np.diff(run.dissipation) >= 0.0).all()
+    assert run.energy_drift < 1e-9
+
+
 def test_inputs_of_all_kinds_give_the_same_run():
     held = pg.simulate(driven(input=-30.0), **RUN)
     table = pg.Table(t=[0, 1], value=[-30, -30])
