@@ -414,9 +414,53 @@ def test_other_struts_are_reported(tmp_path, fields):
     assert "force 's'" in texts(report, "left out")
 
 
-def test_a_tendon_with_armature_keeps_its_spring(tmp_path):
-    xml = ROPED.format(slack="0.9 0.9", damping=3, via="", limits=' armature="2"')
-    model, report = read(tmp_path, xml)
+PULLED = """<mujoco><worldbody><site name="hook" pos=".1 .3 .4"/>
+<body><joint axis="0 1 0"/><inertial mass="1" pos=".05 0 0" diaginertia=".01 .012 .014"/>
+  <geom name="post" type="cylinder" size=".05 .1" pos=".02 .1 .1" contype="0" conaffinity="0"/>
+  <site name="eye" pos=".1 -.1 .05"/>
+  <body pos="0 -.15 .05"><joint axis="0 0 1"/>
+    <inertial mass=".7" pos="0 -.1 0" diaginertia=".01 .012 .014"/><site name="end" pos=".2 0 -.3"/>
+</body></body></worldbody><tendon><spatial name="rope" stiffness="20"><site site="hook"/>
+  <geom geom="post"/><site site="eye"/><site site="end"/></spatial></tendon>
+<actuator>
+  <motor name="m" tendon="rope" gear="-3" ctrlrange="0 2" forcerange="-1 1.5"/>
+  <position name="p" tendon="rope" kp="40" kv="2" gear="-2"/>
+  <velocity name="v" tendon="rope" kv="3" ctrlrange="-9 9"/>
+  <general name="g" tendon="rope" gear=".5" gainprm="7" biastype="affine" biasprm="1 2 -.3"/>
+</actuator></mujoco>"""
+
+
+BRANCH = '<pulley divisor="2"/><site site="eye"/><site site="end"/></spatial>'
+
+
+def test_actuators_on_spatial_tendons_push_as_in_mujoco(tmp_path):
+    model, report = read(tmp_path, PULLED)
+    assert report.loaded, report
+    m, _ = compiled(tmp_path)
+    kinds = [type(f).__name__ for f in model.forces]
+    assert kinds == ["LinearActuator"] * 4 + ["Spring"]
+    again, out = written(tmp_path, model)
+    assert not [what for what in differences(model, again) if what[0] == "forces"]
+    for u in ((0.0, 0.0, 0.0, 0.0), (1.2, 0.4, -2.0, 0.3)):
+        given = model
+        for f, x in zip(model.forces, u):
+            given = given.edit(f.name, input=x)
+        assert agree(given, m, u)
+        assert agree(given, out, u)
+    assert model["m"].forces == pytest.approx((-4.5, 3.0))
+    assert (model["p"].gain, model["p"].kp, model["p"].kd) == pytest.approx((-80.0, 160.0, 8.0))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fact"),
+    [
+        ("<position ", '<position timeconst=".1" ', "filter"),
+        ('kp="40"', 'kp="40" forcerange="-9 9"', "depends on the length"),
+        ("</spatial>", BRANCH, "pulleys"),
+    ],
+)
+def test_actuators_that_no_path_has_are_left_out_by_name(tmp_path, old, new, fact):
+    _, report = read(tmp_path, PULLED.replace(old, new))
     assert not report.loaded
-    assert "armature 2" in texts(report, "left out")
-    assert (model["rope"].stiffness, model["rope"].rest) == (200.0, 0.9)
+    assert fact in texts(report, "left out")
+    assert "'p'" in texts(report, "left out")

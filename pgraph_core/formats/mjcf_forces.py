@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import choices, needed, shown
 from ..fields import GROUND
-from ..forces import Strut, Via
+from ..forces import LinearActuator, Strut, Via
 from ..forces.bushing import Bushing
 from ..forces.strut import Lines
 from ..model import Actuator, Drag, Force, Motor, Servo, SpeedServo, Spring, Tendon, Wrench
@@ -271,35 +271,22 @@ class Forces:
 
         One with a slack range is a strut, with a spring beside it if the length has limits.
         """
-        m, first = self.m, int(self.m.tendon_adr[t])
-        parts = range(first, first + int(m.tendon_num[t]))
-        if text := self._unlike_path(t, parts):
-            self.reader.left_out("tendon", name, text)
+        m, path = self.m, self._path(t)
+        if m.tendon_frictionloss[t]:
+            path = "a tendon with friction, over sites or around geoms"
+        if isinstance(path, str):
+            self.reader.left_out("tendon", name, path)
             return
-        places = list[Via]()
-        for w in parts:
-            one = self._site(w) if m.wrap_type[w] == SITE else self._obstacle(w)
-            places += [one] if one not in places[-1:] else []
-        if len({place.body for place in places}) == 1:
-            return
-        if places[0].body == GROUND:
-            places.reverse()
-        start, *via, end = places
-        if start.body == GROUND:
-            self.reader.left_out("tendon", name, "a tendon with both ends on the ground")
+        if not path:
             return
         ends = {k: end for k, end in self._ends(t, name).items() if k == "high" or end > 0}
-        if via and ends:
+        if path["via"] and ends:
             text = (
                 "limits of a tendon over more than two sites, which act here if they are straight"
             )
             self.reader.left_out("tendon", name, text)
             ends = {}
         stiffness, damping = float(m.tendon_stiffness[t]), float(m.tendon_damping[t])
-        path: dict[str, Any] = {
-            "body": start.body, "other": end.body, "point": start.point,
-            "other_point": end.point, "via": via,
-        }  # fmt: skip
         if not self._slack(t):
             rest = float(m.tendon_lengthspring[t, 0])
             yield Spring(name=name, stiffness=stiffness, damping=damping, rest=rest, **path, **ends)
@@ -310,11 +297,34 @@ class Forces:
         if ends:
             yield Spring(name=f"limits of {name}", rest=longest, **path, **ends)
 
-    def _unlike_path(self, t: int, parts: Sequence[int]) -> str:
-        """Return a text about what a spring along a path cannot be of a tendon, or ""."""
+    def _path(self, t: int) -> dict[str, Any] | str:
+        """Return the fields of the path of a tendon over sites and around geoms.
+
+        It is {} if the path lies on one body, or a text about why there is none.
+        """
+        first = int(self.m.tendon_adr[t])
+        parts = range(first, first + int(self.m.tendon_num[t]))
+        if text := self._unlike_path(parts):
+            return text
+        places = list[Via]()
+        for w in parts:
+            one = self._site(w) if self.m.wrap_type[w] == SITE else self._obstacle(w)
+            places += [one] if one not in places[-1:] else []
+        if len({place.body for place in places}) == 1:
+            return {}
+        if places[0].body == GROUND:
+            places.reverse()
+        start, *via, end = places
+        if start.body == GROUND:
+            return "a tendon with both ends on the ground"
+        return {
+            "body": start.body, "other": end.body, "point": start.point,
+            "other_point": end.point, "via": via,
+        }  # fmt: skip
+
+    def _unlike_path(self, parts: Sequence[int]) -> str:
+        """Return a text about what a path cannot be of a tendon, or ""."""
         m = self.m
-        if m.tendon_frictionloss[t]:
-            return "a tendon with friction, over sites or around geoms"
         if any(m.wrap_type[w] == PULLEY for w in parts):
             return "a tendon with pulleys"
         around = [w for w in parts if m.wrap_type[w] != SITE]
@@ -359,14 +369,13 @@ class Forces:
         m, kind = self.m, int(self.m.actuator_trntype[a])
         target = int(m.actuator_trnid[a, 0])
         sums = self._moved(a)
-        why = self._strange(a) if sums else "an actuator on a tendon that is not along joints"
-        if sums is None or why:
+        if why := self._strange(a):
             self.reader.left_out("actuator", name, why)
             return None
+        if sums is None:
+            return self._along_path(a, name)
         output, control = self._channel(a)
-        gear, gain = float(m.actuator_gear[output, 0]), float(m.actuator_gainprm[a, 0])
-        affine = m.actuator_biastype[a] == 1
-        b0, b1, b2 = (float(x) if affine else 0.0 for x in m.actuator_biasprm[a, :3])
+        gear, gain, (b0, b1, b2) = self._law(a)
         fields: dict[str, Any] = {"name": name, "gear": gear, **self._limits(a, sums, name)}
         if kind == ON_TENDON:
             fields["coefficients"] = self._rows(sums)
@@ -393,6 +402,58 @@ class Forces:
         if kp == 0 and kd > 0 and gain == kd:
             return SpeedServo(kd=kd, speed=u, torque=torque, **fields)
         return Actuator(gain=gain, input=u, torque=torque, kp=kp, kd=kd, **fields)
+
+    def _law(self, a: int) -> tuple[float, float, list[float]]:
+        """Return gear, gain and bias (3,) of an actuator."""
+        m, (output, _) = self.m, self._channel(a)
+        affine = m.actuator_biastype[a] == 1
+        bias = [float(x) if affine else 0.0 for x in m.actuator_biasprm[a, :3]]
+        return float(m.actuator_gear[output, 0]), float(m.actuator_gainprm[a, 0]), bias
+
+    def _along_path(self, a: int, name: str) -> LinearActuator | None:
+        """Return the force of an actuator along the path of a tendon."""
+        m, t = self.m, int(self.m.actuator_trnid[a, 0])
+        path = self._path(t)
+        if m.actuator_dyntype[a]:
+            path = "an actuator with a filter or an integral, on a tendon over sites"
+        if isinstance(path, str):
+            self.reader.left_out("actuator", name, path)
+        if isinstance(path, str) or not path:
+            return None
+        gear, gain, (b0, b1, b2) = self._law(a)
+        fields: dict[str, Any] = {
+            "gain": gear * gain, "force": gear * b0, "kp": -(gear**2) * b1, "kd": -(gear**2) * b2,
+        }  # fmt: skip
+        low, high = self._range("ctrl", self._channel(a)[1])
+        fields |= {"input_low": low, "input_high": high, "input": min(max(0.0, low), high)}
+        *ends, shared = self._forces_of(a)
+        limits = zip(("force_low", "force_high"), sorted(gear * x for x in ends))
+        bounds = {key: end for key, end in limits if np.isfinite(end)}
+        if bounds and (b1 or b2):
+            text = "a limit of a force that depends on the length of a tendon over sites"
+            self.reader.left_out("actuator", name, text)
+            bounds = {}
+        elif shared > 1:
+            self._tell_shared(name)
+        fields = {key: x + 0.0 for key, x in fields.items() if np.isfinite(x)}
+        return LinearActuator(name=name, **path, **fields, **bounds)
+
+    def _forces_of(self, a: int) -> tuple[float, float, int]:
+        """Return the least and greatest force of an actuator and its tendon, before its gear.
+
+        The third number tells how many actuators share the limit of the tendon.
+        """
+        m, t = self.m, int(self.m.actuator_trnid[a, 0])
+        low, high = self._range("force", a)
+        if m.actuator_trntype[a] != ON_TENDON or not m.tendon_actfrclimited[t]:
+            return low, high, 0
+        least, most = m.tendon_actfrcrange[t].tolist()
+        same = (m.actuator_trntype == ON_TENDON) & (m.actuator_trnid[:, 0] == t)
+        return max(low, least), min(high, most), int(same.sum())
+
+    def _tell_shared(self, name: str) -> None:
+        text = "the limit of the sum of several actuators holds for each of them here"
+        self.report.add("approximated", self.reader.where("actuator", name), text, part=name)
 
     @cached_property
     def _actuators_of(self) -> Counter[int]:
@@ -450,16 +511,7 @@ class Forces:
         """Return the minimum and maximum torque, before the gear."""
         m, (output, _) = self.m, self._channel(a)
         gear = float(m.actuator_gear[output, 0])
-        low, high = self._range("force", a)
-        shared = 0
-        t = int(m.actuator_trnid[a, 0])
-        if m.actuator_trntype[a] == ON_TENDON and m.tendon_actfrclimited[t]:
-            ends = m.tendon_actfrcrange[
-                t
-            ]  # limits on the forces of its actuators before their gears
-            low, high = max(low, float(ends[0])), min(high, float(ends[1]))
-            same = (m.actuator_trntype == ON_TENDON) & (m.actuator_trnid[:, 0] == t)
-            shared = max(shared, int(same.sum()))
+        low, high, shared = self._forces_of(a)
         for j, x in sums.items():
             if not m.jnt_actfrclimited[j]:
                 continue
@@ -473,8 +525,7 @@ class Forces:
                 text += ", one of several along the actuator's tendon"
                 self.reader.left_out("actuator", name, text)
         if shared > 1:
-            text = "the limit of the sum of several actuators holds for each of them here"
-            self.report.add("approximated", self.reader.where("actuator", name), text, part=name)
+            self._tell_shared(name)
         if np.isinf(low) and np.isinf(high):
             return {}
         if low >= high or high <= 0 or np.isinf(high):

@@ -7,7 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from ..forces import OnJoint, Strut, Via, ends_of, path_of
+from ..forces import (
+    BetweenPoints,
+    Driven,
+    LinearActuator,
+    OnJoint,
+    Strut,
+    Via,
+    ends_of,
+    path_of,
+)
 from ..forces.strut import bends
 from ..model import Body, Drag, Model, Spring, Tendon, Wrench
 from ..rotation import frame_of, matrix, quaternion_of, unit, unit_vector
@@ -23,12 +32,13 @@ class ForcesOut(Places):
     def __init__(self, model: Model, name: str):
         super().__init__(model, name)
         self.lifting, self.lifted = set[str](), dict[str, float]()
+        self.paths = dict[str, str]()  # the tendons of actuators along paths
         for wrench, body, part in self._lifted():
             self.lifting.add(wrench)
             self.lifted[body] = self.lifted.get(body, 0.0) + part
 
     def _passive(self) -> None:
-        """Write springs and tendons."""
+        """Write springs, tendons and the paths of actuators."""
         for f in self.model.forces:
             if isinstance(f, Spring) and not f._varies:
                 limits = {"range": span(f.low or 0.0, f.high)} if any(ends_of(f)) else {}
@@ -36,11 +46,13 @@ class ForcesOut(Places):
                 self._spatial(f, **numbers, springlength=self.rests[f.name], **limits)
             elif isinstance(f, Strut) and (numbers := of_strut(f)):
                 self._spatial(f, **numbers)
+            elif isinstance(f, LinearActuator):
+                self.paths[f.name] = self._spatial(f)
             elif isinstance(f, Tendon):
                 self._tendon(f)
 
-    def _spatial(self, f: Spring | Strut, **given: Any) -> None:
-        """Write the tendon of a force along a path."""
+    def _spatial(self, f: BetweenPoints, **given: Any) -> str:
+        """Write the tendon of a force along a path, and return its name."""
         body = self.model.body(f.body)
         start, *_, end = path_of(f, body)
         places = [(None, start), *((via, (via.body, via.point)) for via in f.via), (None, end)]
@@ -50,6 +62,7 @@ class ForcesOut(Places):
         ]
         tendon = Tag("spatial", name=self._free("tendon", f.name), **given)
         self.tendons.append(tendon.add(*elements))
+        return tendon.attributes["name"]
 
     def _element(self, name: str, via: Via | None, body: str, point: Any) -> Tag:
         """Return the element of a tendon for a point, or for an obstacle with its geom."""
@@ -104,6 +117,8 @@ class ForcesOut(Places):
                     self.out(where, "a wrench")
             elif isinstance(f, OnJoint):
                 yield from self._actuator(f, where)
+            elif isinstance(f, LinearActuator):
+                yield from self._along_path(f, where)
             elif f._varies:
                 self.out(where, f"an expression in a {f.kind}")
             elif isinstance(f, Strut) and not of_strut(f):
@@ -120,14 +135,12 @@ class ForcesOut(Places):
             self.out(where, "an expression" if varies else "a table over time")
             return
         low, high = f.inputs
-        given = 0.0 if value == min(max(0.0, low), high) else value
-        first = f.start or 0.0 if f.integrates else given  # initial state, which is 0 in MuJoCo
-        if given and f.integrates:
-            self.out(where, f"its input {value:g} (MuJoCo starts at control 0)")
-            given = 0.0
-        if given:
-            text = f"its input {value:g} is part of its bias: MuJoCo starts at control 0"
-            self.report.add("converted", where, text, part=f.name)
+        if f.integrates:
+            given, first = 0.0, f.start or 0.0  # initial state, which is 0 in MuJoCo
+            if value != min(max(0.0, low), high):
+                self.out(where, f"its input {value:g} (MuJoCo starts at control 0)")
+        else:
+            given = first = self._given(f, where)
         one = Tag("general", name=f.name)
         if f.coefficients:
             if not (name := self._along(f"{f.name} tendon", _Ungeared(f), where)):
@@ -157,6 +170,31 @@ class ForcesOut(Places):
         if np.isfinite(least) or np.isfinite(most):
             one.set(forcerange=span(least, most))
         yield one
+
+    def _along_path(self, f: LinearActuator, where: str) -> Iterator[Tag]:
+        """Yield the actuator of a tendon over sites and around geoms."""
+        if not isinstance(f.input, float):
+            self.out(where, "an expression" if isinstance(f.input, str) else "a table over time")
+            return
+        given, (low, high) = self._given(f, where), f.inputs
+        one = Tag("general", name=f.name, tendon=self.paths[f.name])
+        one.set(gainprm=(f.gain,), biastype="affine")
+        one.set(biasprm=(f.force + f.gain * given, -f.kp or 0.0, -f.kd or 0.0))
+        if np.isfinite(low) or np.isfinite(high):
+            one.set(ctrlrange=span(low - given, high - given))
+        if np.isfinite(f.forces).any():
+            one.set(forcerange=span(*f.forces))
+        yield one
+
+    def _given(self, f: Driven, where: str) -> float:
+        """Return the input that is a part of the bias, since MuJoCo starts at control 0."""
+        low, high = f.inputs
+        value = getattr(f, f.INPUT)
+        given = 0.0 if value == min(max(0.0, low), high) else value
+        if given:
+            text = f"its input {value:g} is part of its bias: MuJoCo starts at control 0"
+            self.report.add("converted", where, text, part=f.name)
+        return given
 
     def _lifted(self) -> Iterator[tuple[str, str, float]]:
         """Yield wrenches that support a body's weight, with the body and the fraction."""
