@@ -49,12 +49,13 @@ def test_two_kinds_have_no_name_in_common_and_every_file_one_of_its_own():
     kinds = [one.kind for one in forces.LOADS]
     assert len(set(kinds)) == len(kinds)
     for one in forces.LOADS:
-        assert where(one.part) == f"{one.kind}.py"
-        assert pg.Force.KINDS[one.kind] is one.part
-        assert one.part.ABOUT, where(one.part)
-        assert one.part.SCALES, where(one.part)
-    on_bodies = {k for k, c in pg.Force.KINDS.items() if issubclass(c, forces.OnBody)}
-    assert on_bodies == set(kinds)
+        for part in one.parts:
+            assert where(part) == f"{part.own_kind()}.py"
+            assert pg.Force.KINDS[part.own_kind()] is part
+            assert part.ABOUT, where(part)
+            assert part.SCALES, where(part)
+    on_bodies = {c for c in pg.Force.KINDS.values() if issubclass(c, forces.OnBody)}
+    assert on_bodies == {part for one in forces.LOADS for part in one.parts}
 
 
 TEXTS = [
