@@ -34,8 +34,10 @@ class Pulley(Frozen):
     """A wheel on which a cable lies, or with radius 0 a point through which it passes.
 
     A cable grips a wheel that is centred on the hinge of its body, so that it moves with its rim,
-    and slides over any other one without friction. `grip` states one of both. At an end of the
-    cable, a wheel is a drum on which it winds, and a point is where it is fixed.
+    and slides over any other one without friction. `grip` states one of both. With `friction` μ it
+    sticks or slips: if it turns by θ on the wheel, the tensions on both sides have a ratio of at
+    most e^μθ. At an end of the cable, a wheel is a drum on which it winds, and a point is where it
+    is fixed.
 
     Examples
     --------
@@ -44,7 +46,8 @@ class Pulley(Frozen):
     'sheave'
     """
 
-    FOLLOWERS: ClassVar[dict[str, tuple[str, ...]]] = {"radius": ("axis", "side", "grip")}
+    OF_WHEELS: ClassVar[tuple[str, ...]] = ("axis", "side", "grip", "friction")
+    FOLLOWERS: ClassVar[dict[str, tuple[str, ...]]] = {"radius": OF_WHEELS}
 
     body: Text = field("the name of a body, or 'ground'", label="Body")
     point: Vec3 = field(
@@ -71,14 +74,24 @@ class Pulley(Frozen):
         default=None, help="whether the cable moves with the rim; default: if the wheel is centred "
         "on the hinge of its body",
     )  # fmt: skip
+    friction: Number | None = field(
+        "a number >= 0, or None",
+        default=None, ge=0, help="Coulomb's coefficient between cable and wheel, on which "
+        "it may slip; default: it grips or slides as `grip` says",
+    )  # fmt: skip
 
     @model_validator(mode="after")
     def _round(self) -> Self:
         refuse_no_direction(axis=self.axis)
-        given = [name for name in ("axis", "side", "grip") if getattr(self, name) is not None]
+        given = [name for name in self.OF_WHEELS if getattr(self, name) is not None]
         if not self.radius and given:
             text = f"belongs to a wheel, got {shown(getattr(self, given[0]))} without a radius; "
             refuse([(given[0], f"{text}give radius=0.05 [m] for example, or leave it out")])
+        if self.friction is not None and self.grip is not None:
+            text = f"got {shown(self.friction)} beside grip={self.grip}, and a cable with friction "
+            never = "does not slip" if self.grip else "slides without friction"
+            text += f"sticks or slips; leave grip out, or friction if it {never}"
+            refuse([("friction", text)])
         return self
 
 

@@ -24,10 +24,12 @@ from ..engine.records import (
     RIGID,
     SHAPE_PAIR,
     SOFT,
+    joined,
     rows_of,
 )
 from ..errors import ModelError, PgraphError, Problem
 from ..fields import EVERY, GROUND
+from ..forces import VIA
 from ..forces.cable import Cable, longest_of
 from ..forces.path import points_of
 from ..model import Body, Contact, Model, Shape, Spring, Tendon
@@ -553,11 +555,14 @@ def _inextensible(mech: Packed) -> Iterator[tuple[Cable, tuple[str, Block]]]:
         if isinstance(f, Cable) and f.stiffness is None:
             found = mech.placed().segments(f)
             for own, one in zip(segment_names(f.name, len(found)), found):
-                name = cable_limit(own)
+                kind, rows = at.T_SLACK, one.chain.rows
+                if one.number:  # friction on the wheel at its first station
+                    kind, rows = at.T_WRAP, rows[one.chain.starts[one.number] :]
                 longest = longest_of(f, one)
                 values = block_values({at.VALUE: longest, at.SIZE: abs(longest)})
-                ends = int(one.rows[0]["row"]), int(one.rows[-1]["row"])
-                yield f, (name, Block(at.T_SLACK, 1, values, ends=ends, stations=one.rows))
+                ends = int(rows[0]["row"]), int(rows[-1]["row"])
+                block = Block(kind, 1, values, ends=ends, stations=rows, chain=one.number)
+                yield f, (cable_limit(own), block)
 
 
 def _limit(values: dict[int, float], terms: tuple[Term, ...], row: int) -> Block:
@@ -594,7 +599,7 @@ def extended(blocks: Blocks, contacts: Tables) -> Blocks:
     room = contacts.room * (2 if contacts.turns else 1)  # a second block that resists turning
     for arrays in (contacts.friction_blocks, contacts.limit_blocks):
         blocks = with_blocks(blocks, *arrays)
-    blocks = blocks._replace(stations=np.concatenate((blocks.stations, contacts.stations)))
+    blocks = blocks._replace(stations=joined(VIA, (blocks.stations, contacts.stations)))
     return blocks._replace(
         blocks_i=np.vstack((blocks.blocks_i, np.zeros((room, at.BLOCK_I), np.int64))),
         blocks_f=np.vstack((blocks.blocks_f, np.zeros((room, at.BLOCK_F)))),

@@ -12,6 +12,10 @@ cylinder is straight if it is unrolled: with the distance h of its points along 
 √(l² + h²) long. A cable that grips a wheel leaves it normal to its axis, wherever it is, as from a
 drum with grooves.
 
+A wheel with friction μ divides a cable like one that it grips. If the cable turns by θ on it, the
+tensions on both sides have a ratio between e^-μθ and e^μθ [Euler, Eytelwein]. Segments between
+which the cable may slip are a chain, whose length is that of all of them with the arcs between.
+
 The angle of n in the body that carries a wheel, minus the wheel's own coordinate, is the angle by
 which the cable is wound on it. The coordinate counts turns.
 """
@@ -19,7 +23,7 @@ which the cable is wound on it. The coordinate counts turns.
 import math
 
 from ..tolerances import TINY
-from .compiler.elementary import atan2
+from .compiler.elementary import atan2, exp
 from .compiler.jit import part, sweep
 from .compiler.masks import larger
 from .records import INTEGER, REAL
@@ -45,6 +49,7 @@ STATION = {
     "coordinate": INTEGER,  # index into q of a wheel's angle
     "gear": REAL,  # 1 or -1: the sense of this angle about the axis
     "wrap": REAL,  # angle about the axis by which the cable turns in the initial state [rad]
+    "friction": REAL,  # Coulomb's coefficient on a wheel on which it may slip, or 0
 }
 
 
@@ -134,14 +139,43 @@ def wound_by(vias, work, q, n, u, d):
 
 
 @sweep
+def turned_on(vias, work, n):
+    """Return the angle about its axis by which a cable turns on the inner wheel n."""
+    u = axis_of_wheel(vias[n], work)
+    a, b, c = (
+        centre_of(vias[n - 1], work), centre_of(vias[n], work), centre_of(vias[n + 1], work),
+    )  # fmt: skip
+    before, _ = straight(u, vias[n - 1].radius, vias[n].radius, a, b)
+    after, _ = straight(u, vias[n].radius, vias[n + 1].radius, b, c)
+    return turned(u, before, after, vias[n].wrap)
+
+
+@sweep
+def hold_of(vias, work, n):
+    """Return μθ of the inner wheel n, the logarithm of the largest ratio of tensions."""
+    angle = turned_on(vias, work, n)
+    return vias[n].friction * larger(math.copysign(1.0, vias[n].radius) * angle, 0.0)
+
+
+@sweep
+def changes_at(vias, work, n):
+    """Return the least and the largest change of the tension at the inner wheel n, relative to the
+    tension before it."""
+    hold = hold_of(vias, work, n)
+    return exp(-hold) - 1.0, exp(hold) - 1.0
+
+
+@sweep
 def cable_length(vias, work, q, first, last):
-    """Return the length of the segment between two stations, with what is wound on its wheels."""
+    """Return the length of the chain between two stations, with what is wound on its wheels."""
     total = 0.0
     begin = first
     while begin < last:
         end = end_of_group(vias, begin, last)
         u, length, rise = measured_group(vias, work, begin, end)
         total += math.sqrt(length * length + rise * rise + TINY)
+        if end < last and vias[end].shape == GRIP:
+            total += vias[end].radius * turned_on(vias, work, end)
         begin = end
     if vias[first].shape == GRIP:
         u = axis_of_wheel(vias[first], work)
@@ -369,6 +403,9 @@ def cable_acceleration(vias, work, linear, first, last):
     while begin < last:
         end = end_of_group(vias, begin, last)
         total += moving_group(vias, work, linear, begin, end)[2]
+        if end < last and vias[end].shape == GRIP:
+            total += winding_acceleration(vias, work, linear, end, end)
+            total -= winding_acceleration(vias, work, linear, end, end - 1)
         begin = end
     if vias[first].shape == GRIP:
         total += winding_acceleration(vias, work, linear, first, first)

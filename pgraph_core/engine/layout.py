@@ -88,7 +88,7 @@ BODY = 22
 # -- constraint blocks ----------------------------------------------------------------------------
 # A constraint is one or two blocks of up to three rows; x is the place of a block's point.
 
-# blocks_i: int64 (nb, 8)
+# blocks_i: int64 (nb, 9)
 B_TYPE = 0  # one of the types below
 B_A, B_B = 1, 2  # rows of `body` and `other`, 0 for the ground
 B_SIZE = 3  # number of rows, 1 to 3
@@ -96,7 +96,8 @@ B_TERM, B_TERMS = 4, 5  # first entry and number of entries in terms
 B_CURVE, B_KNOTS = (6, 7)  # first knot, number of knots: 0 for VALUE, or a kind of curve
 B_BODY_A, B_BODY_B = 6, 7  # numbers of `body` and `other` of a span, which has no curve
 B_STATION, B_STATIONS = 6, 7  # first station and number of stations of a cable, which has none
-BLOCK_I = 8
+B_CHAIN = 8  # number of blocks before it in a chain of a cable, whose laws need its tension
+BLOCK_I = 9
 
 # blocks_f: float64 (nb, 40); points and directions in the home axes of their rows
 PA = 0  # 3, point of A, from its row's origin [m]
@@ -104,6 +105,7 @@ PB = 3  # 3, point of B, in world axes if B is the ground
 DIR = 6  # 9, up to three directions fixed in B, one after the other
 AIM = 15  # 9, up to three directions fixed in A
 VALUE = 24  # length, radius [m], offset [rad, m], or velocity [rad/s, m/s]
+FALL, RISE = 6, 7  # bounds of a change of tension, relative to the tension before it
 # of a curve, whose DIR is a direction that it never has
 WAY, KNOWN = 9, 10  # where a point was last on its curve, 1 if it is known [m, or as its functions]
 GRAIN = 11  # of which the way is a whole multiple before the last steps of its search
@@ -144,6 +146,9 @@ T_CURVE = 14  # x_A stays on a curve of B, by `curves`, along two normals of its
 T_CABLE = 15  # the length of a segment of a cable = VALUE, see `cables`
 # unilateral VALUE - length of a segment of a cable ≥ 0, with AIM the speed at which it may close
 T_SLACK = 16
+# friction of a cable on a wheel, between FALL and RISE: λ is the change of its tension there, from
+# the sum of the λ before it in its chain; its stations are those from the wheel on
+T_WRAP = 17
 T_TURN = 10  # resistance to turning at a contact point: torques along DIR, within bounds
 
 # terms_i: int64 (nt, 2): index into v, index into q or -1; terms_f: float64 (nt,): coefficients

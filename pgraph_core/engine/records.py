@@ -9,6 +9,7 @@ code loads a field as fast as an entry of a plain array. Arrays that are also us
 from __future__ import annotations
 
 from collections import namedtuple
+from collections.abc import Sequence
 from itertools import accumulate
 from typing import Any
 
@@ -78,6 +79,15 @@ def rows_of(kind: np.dtype[Any], rows: Any) -> Any:
     for one, row in zip(found, rows):
         for name, value in zip(kind.names or (), row):
             one[name] = value
+    return found
+
+
+def joined(kind: np.dtype[Any], parts: Sequence[Any]) -> Any:
+    """Return one array of the records of all parts. NumPy would not keep a type of its own."""
+    found, end = table(kind, sum(map(len, parts))), 0
+    for own in parts:
+        found[end : end + len(own)] = own
+        end += len(own)
     return found
 
 

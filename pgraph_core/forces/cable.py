@@ -97,9 +97,11 @@ def split(f: Cable, at: Places) -> list[Part]:
 
 
 def longest_of(cable: Cable, segment: Any) -> float:
-    """Return the `cable_length` at which a segment has the given length, or the initial one."""
-    longer = 0.0 if cable.length is None else cable.length - segment.length
-    return float(segment.value + longer)
+    """Return the `cable_length` at which the chain of a segment has the given length, or the
+    initial one."""
+    chain = segment.chain
+    longer = 0.0 if cable.length is None else cable.length - chain.length
+    return float(chain.value + longer)
 
 
 def pack(f: Part, one: Any, at: Places) -> Array:

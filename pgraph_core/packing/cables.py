@@ -15,7 +15,7 @@ import numpy as np
 from ..engine import layout as at
 from ..engine.cable_places import spans_of_segment
 from ..engine.cables import EYE, GRIP, WHEEL
-from ..engine.records import rows_of
+from ..engine.records import joined, rows_of
 from ..fields import GROUND
 from ..forces import VIA
 from ..pulleys import Pulley
@@ -52,6 +52,21 @@ class Station(NamedTuple):
         """The signed radius [m]."""
         return self.sense * self.pulley.radius
 
+    @property
+    def slips(self) -> bool:
+        """Whether it is a wheel with friction."""
+        return bool(self.pulley.friction)
+
+
+class Chain(NamedTuple):
+    """The part of a cable between two stations on which it does not slip: segments between wheels
+    with friction."""
+
+    rows: Any  # records VIA
+    starts: tuple[int, ...]  # the first station of each segment in them
+    length: float  # of the spans and of what lies on inner wheels at the start [m]
+    value: float  # of `engine.cables.cable_length` at the start [m]
+
 
 class Segment(NamedTuple):
     """The part of a cable with one tension, between two stations that hold it."""
@@ -61,6 +76,8 @@ class Segment(NamedTuple):
     spans: Array  # (n - 1, 9) first point, last point and direction of every span at the start
     length: float  # of the spans and of what lies on inner wheels at the start [m]
     value: float  # of `engine.cables.cable_length` at the start [m]
+    chain: Chain
+    number: int = 0  # in the chain, from 0
 
 
 def segments(
@@ -69,7 +86,7 @@ def segments(
     """Return the segments of a cable, with `at_` as `Places`. Raises what `refuse` returns."""
     found = [_station(k, p, at_, model, refuse) for k, p in enumerate(through, start=1)]
     if closed:
-        first = next((k for k, x in enumerate(found) if x.grips), None)
+        first = next((k for k, x in enumerate(found) if x.grips and not x.slips), None)
         if first is None:
             raise refuse("a closed belt needs a wheel that it grips: on a hinge, or with grip=True")
         found = [*found[first:], *found[:first], found[first]]
@@ -78,6 +95,9 @@ def segments(
         if one.pulley.grip is False:
             text = f"it ends at a wheel of '{one.pulley.body}' over which it would slide; leave "
             raise refuse(f"{text}grip=False out for a drum, or end the rope at a point")
+        if one.pulley.friction is not None:
+            text = f"it ends at the wheel of '{one.pulley.body}', a drum, on which it does not slip"
+            raise refuse(f"{text}; leave friction={one.pulley.friction:g} out, or end it at a point")
         if one.pulley.radius:
             found[k] = one._replace(grips=True)
     points = [k for k, x in enumerate(found) if not x.pulley.radius]
@@ -87,8 +107,27 @@ def segments(
     ends = [0, *begins, len(found) - 1]
     made = [_segment(found[a : b + 1], at_, packed, model, refuse) for a, b in pairwise(ends)]
     for before, after in (*pairwise(made), *([(made[-1], made[0])] if closed else ())):
-        _wrap(after.stations[0], before.spans[-1, 6:], after.spans[0, 6:], refuse)
-    return made
+        one = after.stations[0]
+        angle = _wrap(one, before.spans[-1, 6:], after.spans[0, 6:], refuse)
+        before.rows[-1]["wrap"] = after.rows[0]["wrap"] = one.sense * angle if one.slips else 0.0
+    firsts = [k for k, x in enumerate(made) if not (k and x.stations[0].slips)]
+    groups = [made[a:b] for a, b in pairwise([*firsts, len(made)])]
+    return [x for own in groups for x in _chained(own, at_, packed, model)]
+
+
+def _chained(
+    own: Sequence[Segment], at_: Any, packed: Any, model: Any
+) -> Sequence[Segment]:
+    """Return the segments of a chain with what they are together."""
+    if len(own) == 1:
+        return own
+    stations = [*own[0].stations, *(x for one in own[1:] for x in one.stations[1:])]
+    rows = joined(VIA, [own[0].rows, *(one.rows[1:] for one in own[1:])])
+    starts = (0, *np.cumsum([len(one.rows) - 1 for one in own[:-1]]).tolist())
+    work, q = _frames(rows, stations, at_, model, len(packed.rows)), np.array(packed.q, float)
+    value = float(spans_of_segment(rows, work, q, np.zeros((len(rows) - 1, 9))))
+    chain = Chain(rows, starts, value + _wound(stations, rows, q), value)
+    return [one._replace(chain=chain, number=k) for k, one in enumerate(own)]
 
 
 def one_length(kind: str, count: int) -> str:
@@ -113,6 +152,8 @@ def _station(k: int, p: Pulley, at_: Any, model: Any, refuse: Refuse) -> Station
     sense = float(np.sign(along)) if abs(along) > 1.0 - SOLVED else 0.0
     centred = hinge is not None and bool(sense) and _is_on(centre, hinge, p.radius)
     grips = centred if p.grip is None else p.grip
+    if p.friction is not None:
+        grips = p.friction > 0.0
     return Station(p, centre, axis, hinge if sense else None, sense, grips, float(p.side or 0))
 
 
@@ -151,13 +192,19 @@ def _segment(
             normal = np.cross(found[k].axis, span[6:])
             rows[k]["side"] = _carrier(found[k], at_, model).T @ normal
     value = float(spans_of_segment(rows, work, q, spans))
-    wound = sum(
-        sign * found[k].signed * rows[k]["gear"] * q[rows[k]["coordinate"]]
-        for k, sign in ((0, 1.0), (last, -1.0))
+    length = value + _wound(found, rows, q)
+    _part(found, spans, refuse)
+    return Segment(tuple(found), rows, spans, length, value, Chain(rows, (0,), length, value))
+
+
+def _wound(found: Sequence[Station], rows: Any, q: Array) -> float:
+    """Return the length by which the wheels at both ends have turned the cable away."""
+    ends = ((0, 1.0), (len(found) - 1, -1.0))
+    return sum(
+        sign * found[k].signed * float(rows[k]["gear"] * q[rows[k]["coordinate"]])
+        for k, sign in ends
         if found[k].grips
     )
-    _part(found, spans, refuse)
-    return Segment(tuple(found), rows, spans, value + wound, value)
 
 
 def _orient(found: list[Station], a: int, b: int, closed: bool, refuse: Refuse) -> None:
@@ -244,7 +291,9 @@ def _row(one: Station, at_: Any, packed: Any) -> tuple[Any, ...]:
     point = at_.in_row(one.pulley.body, one.pulley.point)
     shape = GRIP if one.grips else WHEEL if one.sense else EYE
     none = np.zeros(3)
-    return row, body, point, shape, 0, one.signed, axis, none, frame, coordinate, one.gear, 0.0
+    rough = one.pulley.friction or 0.0
+    station = frame, coordinate, one.gear, 0.0, rough
+    return row, body, point, shape, 0, one.signed, axis, none, *station
 
 
 def carrier_of(one: Station, model: Any) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..curves import Polynomial
 from ..engine import layout as at
-from ..engine.records import table
+from ..engine.records import joined, table
 from ..errors import ModelError, Problem
 from ..forces import VIA
 from ..functions import Curve, Function, Pieces
@@ -48,6 +48,7 @@ class Block(NamedTuple):
     ends: tuple[int, int] = (0, 0)  # rows of the bodies, or (that of the first term, 0)
     bodies: tuple[int, int] | None = None  # bodies of a span, in place of a curve
     stations: Any = None  # records VIA of a segment of a cable, in place of a curve
+    chain: int = 0  # number of blocks before it in a chain of a cable
 
 
 class Endpoints:
@@ -194,6 +195,11 @@ class Endpoints:
         """Create a block for each segment of a rope, which keeps its length."""
         at_ = Placed(self.model, self.topology, self.packed, self.poses)
         refuse = partial(self.refuse, "through")
+        for k, one in enumerate(through, start=1):
+            if one.friction:
+                text = f"number {k}, the wheel of '{one.body}', has the friction {one.friction:g}, "
+                text += "and a rope that is always taut may push, where friction has no bound; "
+                raise refuse(f"{text}use a Cable without stiffness, which does not stretch either")
         found = segments(through, closed, at_, self.model, self.packed, refuse)
         if length is not None and len(found) > 1:
             raise self.refuse("length", one_length("rope", len(found)))
@@ -274,7 +280,7 @@ class Blocks(NamedTuple):
 
     names: tuple[str, ...]
     first: Ints  # (nc + 1,) constraint i has the blocks first[i] to first[i + 1] - 1
-    blocks_i: Ints  # (nb, 8)
+    blocks_i: Ints  # (nb, 9)
     blocks_f: Array  # (nb, 40)
     terms_i: Ints  # (nt, 2)
     terms_f: Array  # (nt,)
@@ -313,7 +319,7 @@ def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, 
 
 def stations_in(found: Sequence[Block]) -> Any:
     """Return the records VIA of all cables among blocks."""
-    return np.concatenate([NO_STATIONS, *(x.stations for x in found if x.stations is not None)])
+    return joined(VIA, [x.stations for x in found if x.stations is not None and not x.chain])
 
 
 def _starts(counts: Sequence[int]) -> list[int]:
@@ -338,9 +344,9 @@ def block_arrays(found: Sequence[Block]) -> tuple[Ints, Array, Ints, Array]:
     for b, term, knot in zip(found, *starts):
         curve = knot, len(b.curve) if b.knots is None else b.knots
         if b.stations is not None:
-            curve = station, len(b.stations)
-            station += len(b.stations)
-        ints.append((b.type, *b.ends, b.rows, term, len(b.terms), *(b.bodies or curve)))
+            station += 0 if b.chain else len(b.stations)  # the last ones of its chain
+            curve = station - len(b.stations), len(b.stations)
+        ints.append((b.type, *b.ends, b.rows, term, len(b.terms), *(b.bodies or curve), b.chain))
     return (
         np.array(ints, dtype=np.int64).reshape(-1, at.BLOCK_I),
         np.array([b.values for b in found], dtype=float).reshape(-1, at.BLOCK_F),
@@ -353,7 +359,8 @@ def with_blocks(blocks: Blocks, ints: Ints, floats: Array, terms_i: Ints, terms_
     """Append blocks, given as by `block_arrays`, which belong to no constraint."""
     ints = ints.copy()
     ints[:, at.B_TERM] += len(blocks.terms_i)
-    ints[ints[:, at.B_TYPE] == at.T_SLACK, at.B_STATION] += len(blocks.stations)
+    strung = np.isin(ints[:, at.B_TYPE], (at.T_SLACK, at.T_WRAP))
+    ints[strung, at.B_STATION] += len(blocks.stations)
     return blocks._replace(
         blocks_i=np.vstack((blocks.blocks_i, ints)),
         blocks_f=np.vstack((blocks.blocks_f, floats)),

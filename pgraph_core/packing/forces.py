@@ -135,7 +135,7 @@ def _packed_via(via: Any, at: Placed) -> tuple[Any, ...]:
     """Return the fields of VIA for a point or an obstacle."""
     body, home, given = at.number(via.body), at.home(via.body), obstacle_of(via)
     given |= {name: home @ given[name] for name in ("axis", "side")}
-    station = 0, 0, 0.0, 0.0
+    station = 0, 0, 0.0, 0.0, 0.0
     return at.packed.row_of(body), body, at.in_row(via.body, via.point), *given.values(), *station
 
 

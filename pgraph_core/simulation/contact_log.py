@@ -298,7 +298,7 @@ def limits_passed(mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Ar
     found, limits = [], tables.coordinate_limits
     springs = (f for f in mech.model.forces if isinstance(f, Spring) for x in ends_of(f) if x)
     for name, block, values in zip(tables.limits, ints, floats):
-        if block[at.B_TYPE] == at.T_SLACK:
+        if block[at.B_TYPE] in (at.T_SLACK, at.T_WRAP):
             continue
         limit = next(limits) if block[at.B_TYPE] != at.T_SPAN else None
         spring: Any = next(springs) if limit is None else None

@@ -35,6 +35,7 @@ from ..layout import (
     T_SPAN,
     T_TURN,
     T_VELOCITY,
+    T_WRAP,
 )
 from ..rows import (
     acceleration_of,
@@ -72,14 +73,20 @@ def ends_of(blocks_i, i):
 
 @part
 def of_cable(kind):
-    """Check whether a block is the length of a segment of a cable, or a bound on it."""
-    return kind == T_CABLE or kind == T_SLACK
+    """Check whether a block is the length of a part of a cable, a bound on it, or its friction."""
+    return kind == T_CABLE or kind == T_SLACK or kind == T_WRAP
 
 
 @part
 def lengthens(kind):
-    """Return 1 if positive multipliers of a segment of a cable lengthen it, or -1."""
+    """Return 1 if positive multipliers of a part of a cable lengthen it, or -1."""
     return 1.0 if kind == T_CABLE else -1.0
+
+
+@part
+def before_in_chain(blocks_i, i):
+    """Return the number of blocks before it in the chain of a cable, 0 for other blocks."""
+    return blocks_i[i, at.B_CHAIN]
 
 
 @part
@@ -138,8 +145,8 @@ def one_sided(kind):
 
 @part
 def dry(kind):
-    """Check whether a block is bounded friction: torsional friction or joint friction."""
-    return kind == T_TURN or kind == T_FRICTION
+    """Check whether a block is bounded friction: of torsion, of a joint, or of a cable."""
+    return kind == T_TURN or kind == T_FRICTION or kind == T_WRAP
 
 
 @part

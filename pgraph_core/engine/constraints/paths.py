@@ -39,7 +39,19 @@ from ..vec import (
     store,
     sub,
 )
-from .blocks import along, ends_of, lengthens, place_a, place_b, size_of, stations_of, type_of
+from .blocks import (
+    along,
+    before_in_chain,
+    ends_of,
+    joint_of,
+    joints_of,
+    lengthens,
+    place_a,
+    place_b,
+    size_of,
+    stations_of,
+    type_of,
+)
 from .coordinates import coefficient, terms_of
 
 
@@ -201,6 +213,24 @@ def carry_cable(rows, blocks, i, work, space):
             reach = max(reach, taxicab(origin_of(work, k)) + taxicab(link_of(work, k)))
             slot = hand_on(rows, work, k, whole, reach, y, slots, i, slot)
     slots[i, at.SLOTS] = slot
+    for n in range(before_in_chain(blocks.blocks_i, i)):
+        add_joints(space, i - 1 - n, i)
+        add_joints(space, i, i - 1 - n)
+
+
+@part
+def add_joints(space, i, other):
+    """Add the joints of another block to block i, which does not move them. Blocks whose laws
+    depend on each other have the same joints."""
+    y, slots = space.y, space.slots
+    for s in range(joints_of(slots, other)):
+        count, known = joints_of(slots, i), False
+        for own in range(count):
+            known = known or joint_of(slots, i, own) == joint_of(slots, other, s)
+        if not known:
+            slots[i, at.SLOT + count] = joint_of(slots, other, s)
+            store(y, i, 3 * count, (0.0, 0.0, 0.0))
+            slots[i, at.SLOTS] = count + 1
 
 
 @part

@@ -24,8 +24,8 @@ from .islands import SIZES
 from .sparse import total
 
 # Newton's method in the scratch of an island, columns of a block. `bound`: rows not yet known to be
-# independent.
-SCRATCH = columns(slope=9, miss=3, rate=9, move=3, start=3, state=1, rests=1, bound=1)
+# independent. `follows`: slope of the law of a row by the λ before it in its chain.
+SCRATCH = columns(slope=9, miss=3, rate=9, move=3, start=3, state=1, rests=1, bound=1, follows=1)
 
 
 @part

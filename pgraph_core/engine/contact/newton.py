@@ -9,7 +9,10 @@ effective mass. Linearised, with a compliance s that limits the change of λ,
     (1 - (1 - k s) P') Δλ = P - λ - k P' Y Δw,      Δw = Yᵀ Δλ.
 
 Without Δλ that is (1 + Σ Yᵀ R Y) Δw = Yᵀ (...), R = k (1 - (1 - k s) P')⁻¹ P', whose factor
-is sparse in the order of the trees. Sticking blocks have R = 1/s. As s → 0, this is Newton's
+is sparse in the order of the trees. The law of a cable on a wheel with friction also depends on the
+tension before it, the sum of the λ before it in its chain: P has the slope p by it, which adds
+p (1 - (1 - k s) P')⁻¹ Σ Δλ to its Δλ. The blocks of a chain have the same joints, and so the same
+place in the matrix. Sticking blocks have R = 1/s. As s → 0, this is Newton's
 method, while a larger s leads to shorter steps ([Levenberg 1944]). If s is proportional to the
 square root of the residual, the method is of order 3/2 near the solution ([Fan & Yuan 2005]).
 
@@ -32,11 +35,12 @@ from ..arrays import (
 )
 from ..compiler.jit import part, sweep
 from ..compiler.lane import (
+    four,
     load_four,
     numbers_of_four,
     store_four,
 )
-from ..constraints.blocks import first_of, one_sided, size_of, type_of
+from ..constraints.blocks import before_in_chain, first_of, one_sided, size_of, type_of
 from ..vec import add_scaled, dot, load, mul, scale, store, sub
 from .contacts import contacts_at
 from .independence import unique
@@ -54,7 +58,7 @@ from .island_rows import (
     rows_of,
     share_evenly,
 )
-from .projections import admitted, bounds_of, into_cone, on_rim, state_of, turning
+from .projections import admitted, bounds_of, follows, into_cone, on_rim, state_of, turning
 from .sparse import factor, substitute, total
 
 TOLERANCE = 1e-10  # residual of a solved island relative to its largest velocity
@@ -114,6 +118,8 @@ def look(scene, n, soft, onto):
         else:
             p, slope = admitted(kind, size, z, bounds)
         miss = sub(p, lam)
+        depends = kind == at.T_WRAP and (onto == LAWS or onto == CONES)
+        kept[i, SCRATCH.follows] = follows(data, i, z[0]) if depends else 0.0
         store(kept, i, SCRATCH.miss, miss)
         for c in range(9):
             kept[i, SCRATCH.slope + c] = slope[c]
@@ -147,20 +153,26 @@ def prepare(scene, n, soft, refactor):
 
     Whether the matrix is symmetric.
     """
-    islands = contacts_at(opened(scene).links.contacts).islands
+    islands, blocks_i = contacts_at(opened(scene).links.contacts).islands, opened(scene).blocks.blocks_i
     upper, lower, kept, start = islands.upper, islands.lower, islands.slope, islands.start
     rows = fours_of(islands)
     clear(islands.change, rows)
     symmetric = True
+    tension = 0.0
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         k = 1.0 / islands.mobility[i]
         ks = k * soft * islands.weight[i]
         first, second, third = load(kept, i, 0), load(kept, i, 3), load(kept, i, 6)
         slope = (*first, *second, *third)
-        symmetric = symmetric and not on_rim(slope)
+        symmetric = symmetric and not on_rim(slope) and kept[i, SCRATCH.follows] == 0.0
         inverse = resistance(slope, ks)
         move = mul(inverse, load(kept, i, SCRATCH.miss))
+        if before_in_chain(blocks_i, i) > 0:
+            move = (move[0] + kept[i, SCRATCH.follows] * tension, 0.0, 0.0)
+        else:
+            tension = 0.0
+        tension += move[0]
         store(kept, i, SCRATCH.move, move)
         pull(islands, j, move, islands.change)
         if refactor:
@@ -188,7 +200,50 @@ def prepare(scene, n, soft, refactor):
         ):
             continue
         add_block(islands, j, symmetric)
+    for j in range(islands.first[n], islands.first[n + 1]):
+        if kept[islands.blocks[j], SCRATCH.follows] != 0.0:
+            add_chain(scene, n, j)
     return symmetric
+
+
+@sweep
+def add_chain(scene, n, j):
+    """Add to the matrix Yᵀ p times the change of the tension before the j-th block by velocities,
+    where p is the slope of its law.
+
+    The slope of that tension is Σ -R Y over the blocks before it, of which each that follows has
+    the multiple 1 + p of the slope before itself.
+    """
+    islands, blocks_i = contacts_at(opened(scene).links.contacts).islands, opened(scene).blocks.blocks_i
+    start, column, upper, lower = islands.start, islands.column, islands.upper, islands.lower
+    across, reached, kept, i = islands.across, islands.reached, islands.slope, islands.blocks[j]
+    count, width = before_in_chain(blocks_i, i), islands.fours[j + 1] - islands.fours[j]
+    for e in range(width):
+        own = kept[i, SCRATCH.follows] * load_four(across, islands.fours[j] + e, 0)
+        mine = numbers_of_four(own)
+        to = start[reached[islands.fours[j] + e]]
+        for f in range(e, width):
+            while column[to] != reached[islands.fours[j] + f]:
+                to += 1
+            other = kept[i, SCRATCH.follows] * load_four(across, islands.fours[j] + f, 0)
+            here, there = by_speeds(islands, j, count, f), numbers_of_four(by_speeds(islands, j, count, e))
+            for c in range(4):
+                store_four(upper, to, 4 * c, load_four(upper, to, 4 * c) + mine[c] * here)
+                if f > e:
+                    store_four(lower, to, 4 * c, load_four(lower, to, 4 * c) + there[c] * other)
+
+
+@part
+def by_speeds(islands, j, count, e):
+    """Return four columns, the e-th ones, of the slope of the impulse of the tension before the
+    j-th block, with `count` blocks before it in its chain, by speeds, times -1."""
+    total = four(0.0, 0.0, 0.0, 0.0)
+    for m in range(j - count, j):
+        i = islands.blocks[m]
+        rate = islands.slope[i, SCRATCH.rate]
+        total = total + islands.slope[i, SCRATCH.follows] * total
+        total = total + rate * load_four(islands.across, islands.fours[m] + e, 0)
+    return total
 
 
 @sweep
@@ -236,6 +291,7 @@ def direction(scene, n, soft, refactor, held):
     islands = contacts_at(opened(scene).links.contacts).islands
     upper, lower, start, column = islands.upper, islands.lower, islands.start, islands.column
     change, kept, rows = islands.change, islands.slope, fours_of(islands)
+    blocks_i, tension = opened(scene).blocks.blocks_i, 0.0
     symmetric = prepare(scene, n, soft, refactor)
     if held:
         for p in range(rows):
@@ -247,8 +303,14 @@ def direction(scene, n, soft, refactor, held):
         i = islands.blocks[j]
         u = felt(islands, j, change)
         move = load(kept, i, SCRATCH.move)
+        before = move[0]
         for c in range(3):
             move = add_scaled(move, -u[c], load(kept, i, SCRATCH.rate + 3 * c))
+        if before_in_chain(blocks_i, i) > 0:
+            move = (move[0] + kept[i, SCRATCH.follows] * tension, 0.0, 0.0)
+        else:
+            tension = 0.0
+        tension += move[0] - before
         store(kept, i, SCRATCH.move, move)
     return True
 

@@ -8,7 +8,7 @@ from ..arrays import (
     LAMBDA,
 )
 from ..compiler.jit import part
-from ..constraints.blocks import dry, first_of, one_sided, type_of
+from ..constraints.blocks import before_in_chain, dry, first_of, one_sided, type_of
 from .contacts import contacts_at
 
 
@@ -16,9 +16,12 @@ from .contacts import contacts_at
 def bounds_of(data, i):
     """Compute (friction, 0) for a contact, or the bounds of a torque about and across the normal.
 
-    For joint friction, the first entry is the bound.
+    For joint friction, the first entry is the bound, and for that of a cable these are both bounds.
     """
     blocks = data.blocks
+    if type_of(blocks.blocks_i, i) == at.T_WRAP:
+        tension = max(tension_before(data, i), 0.0)
+        return blocks.blocks_f[i, at.FALL] * tension, blocks.blocks_f[i, at.RISE] * tension
     if type_of(blocks.blocks_i, i) == at.T_FRICTION:
         return blocks.blocks_f[i, at.AIM], 0.0
     if type_of(blocks.blocks_i, i) != at.T_TURN:
@@ -32,12 +35,32 @@ def bounds_of(data, i):
 
 
 @part
+def tension_before(data, i):
+    """Return the impulse of the tension before a wheel of a chain of a cable."""
+    total = 0.0
+    for n in range(before_in_chain(data.blocks.blocks_i, i)):
+        total += data.space.vectors[LAMBDA, first_of(data.space.slots, i - 1 - n)]
+    return total
+
+
+@part
+def follows(data, i, z):
+    """Return the slope of the projection of z by the tension before a wheel of a cable."""
+    least, most = bounds_of(data, i)
+    if tension_before(data, i) < 0.0 or least <= z <= most:
+        return 0.0
+    return data.blocks.blocks_f[i, at.FALL if z < least else at.RISE]
+
+
+@part
 def admitted(kind, size, z, bounds):
     """Project z onto the admissible impulses. Returns (nearest impulse, its derivative row by row).
 
     The bounds of a torque are about the normal and across it. The first bound of a contact is for
     friction.
     """
+    if kind == at.T_WRAP:
+        return turning(z, bounds[0], bounds[1], 0.0)
     if dry(kind):
         return turning(z, -bounds[0], bounds[0], bounds[1])
     if not one_sided(kind):

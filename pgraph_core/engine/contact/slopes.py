@@ -25,6 +25,7 @@ from ..arrays import (
 from ..compiler.dual import WIDTH, parted
 from ..compiler.jit import part, sweep
 from ..constraints.blocks import (
+    before_in_chain,
     first_of,
     joint_of,
     joints_of,
@@ -37,6 +38,7 @@ from ..constraints.constraints import joint_impulses
 from ..records import columns
 from .impulse import rebound
 from .island_rows import gather, rows_of, scatter
+from .projections import bounds_of, tension_before
 
 # State of a block according to its law: without impulse, at its bound, held in all rows, held in
 # the first row and sliding in the others, held in the first without friction, between two states.
@@ -53,6 +55,8 @@ def law_of(data, i, unilateral, size):
     lam, r = data.space.vectors[LAMBDA], first_of(data.space.slots, i)
     if not unilateral:
         return BLOCK_STATE.held
+    if type_of(data.blocks.blocks_i, i) == at.T_WRAP:
+        return law_of_wrap(data, i, size)
     if type_of(data.blocks.blocks_i, i) == at.T_FRICTION:
         u = gather(data.space.y, data.space.slots, i, data.space.vectors[EFFECT])
         bound = data.blocks.blocks_f[i, at.AIM]
@@ -75,6 +79,28 @@ def law_of(data, i, unilateral, size):
     return BLOCK_STATE.held if not slides and spare > NOTABLE * rim else BLOCK_STATE.unclear
 
 
+@sweep
+def law_of_wrap(data, i, size):
+    """Return the state of the friction of a cable on a wheel, as `law_of`."""
+    r, own = first_of(data.space.slots, i), data.space.own[i, 0]
+    least, most = bounds_of(data, i)
+    if not most * own > SOLVED * size:
+        return BLOCK_STATE.open
+    u = gather(data.space.y, data.space.slots, i, data.space.vectors[EFFECT])
+    lam, slip = data.space.vectors[LAMBDA, r], abs(data.space.vectors[RHS, r] + u[0])
+    spare = min(lam - least, most - lam)
+    if slip > spare * own:
+        return BLOCK_STATE.sliding if slip > SOLVED * size else BLOCK_STATE.unclear
+    return BLOCK_STATE.held if spare > NOTABLE * (most - least) else BLOCK_STATE.unclear
+
+
+@part
+def bound_of_wrap(data, numbers, i):
+    """Return the bound that the friction of a sliding cable has, relative to the tension before."""
+    lam = numbers.space.vectors[LAMBDA, first_of(numbers.space.slots, i)]
+    return data.blocks.blocks_f[i, at.FALL if lam < 0.0 else at.RISE]
+
+
 @part
 def slip_of(data, i):
     """Compute the direction in which a contact slides along its tangents, and its speed."""
@@ -87,13 +113,15 @@ def slip_of(data, i):
 
 
 @part
-def changed_law(data, i, law, effect, own):
-    """Compute the change of the residual of block i if λ changes by `own` in the block itself, with
-    this `effect` on the speeds of all joints.
+def changed_law(data, i, law, effect, own, before):
+    """Compute the change of the residual of block i if λ changes by `own` in the block itself and
+    by `before` in those before it in its chain, with this `effect` on the speeds of all joints.
     """
     u = gather(data.space.y, data.space.slots, i, effect)
     if law != BLOCK_STATE.sliding:
         return u
+    if type_of(data.blocks.blocks_i, i) == at.T_WRAP:
+        return (own[0] - bound_of_wrap(data, data, i) * before, 0.0, 0.0)
     friction = data.blocks.blocks_f[i, at.FRICTION]
     x, y, speed = slip_of(data, i)
     turning = friction * data.space.vectors[LAMBDA, first_of(data.space.slots, i)] / speed
@@ -147,7 +175,9 @@ def linearise_laws(data, carried, first, size):
             for n in range(1, active[0] + 1):
                 law = law_of(data, active[n], n >= first, size)
                 own = unit if n == j else (0.0, 0.0, 0.0)
-                u = changed_law(data, active[n], law, effect, own)
+                chained = 0 < active[n] - i <= before_in_chain(blocks_i, active[n])
+                before = 1.0 if chained else 0.0
+                u = changed_law(data, active[n], law, effect, own, before)
                 for d in range(unknowns(law, size_of(blocks_i, active[n]))):
                     matrix[row, count] = u[d]
                     row += 1
@@ -175,7 +205,10 @@ def miss_laws(scene, data, first, size):
         if one_sided(type_of(blocks_i, i)) and count > 0:
             missed[row] += rebound(data, i, blocks_f[i, at.BOUNCE], vectors[BEFORE, r])
             missed[row] += slack_of(blocks_i, blocks_f, i)
-        if law == BLOCK_STATE.sliding:
+        if law == BLOCK_STATE.sliding and type_of(blocks_i, i) == at.T_WRAP:
+            bound = bound_of_wrap(own, data, i) * tension_before(own, i)
+            missed[row] = vectors[LAMBDA, r] - bound
+        elif law == BLOCK_STATE.sliding:
             x, y, _ = slip_of(own, i)
             rim = blocks_f[i, at.FRICTION] * vectors[LAMBDA, r]
             missed[row + 1] = vectors[LAMBDA, r + 1] + rim * x

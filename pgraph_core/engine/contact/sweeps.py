@@ -218,9 +218,10 @@ def answer(kind, rows, bounds, i, own, u, old):
     """Return λ of a block for fixed λ of the others, where u is the velocity for `old`."""
     if kind == at.T_TURN:
         return turned(own, i, u, old, bounds)
-    if kind == at.T_FRICTION:
+    if kind == at.T_FRICTION or kind == at.T_WRAP:
         free = old[0] - u[0] / own[i, 0] if own[i, 0] > 0.0 else 0.0
-        return (min(max(free, -bounds[0]), bounds[0]), 0.0, 0.0)
+        least, most = (-bounds[0], bounds[0]) if kind == at.T_FRICTION else bounds
+        return (min(max(free, least), most), 0.0, 0.0)
     if not one_sided(kind):
         return held(own, i, u, old)
     if rows == 1:

@@ -30,6 +30,7 @@ from ..contact.contacts import (
 )
 from ..contact.island_rows import gather
 from ..contact.newton import LEAST_NORM
+from ..contact.projections import tension_before
 from ..motion import opened
 from ..vec import add_scaled, load, load3, scale, set_xyz, xyz
 
@@ -148,10 +149,12 @@ def book_limit(scene, i, n, t, w, h):
     if kind == at.T_SPAN:
         note_span(scene, i, scale(lam / h, along(data.space.place, i, 0)))
         force = math.copysign(lam / h, one[at.VALUE])
-    elif kind == at.T_SLACK:
+    elif kind == at.T_SLACK or kind == at.T_WRAP:
         force = lam / h
         first, last = stations_of(blocks.blocks_i, i)
         note_spans((contacts.wrenches, force), blocks.stations, data.work, first, last)
+        lam += tension_before(data, i)
+        force = lam / h
     else:
         term = blocks.blocks_i[i, at.B_TERM]
         # on the first joint that it bounds

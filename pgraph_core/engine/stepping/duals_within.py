@@ -37,7 +37,7 @@ from .moreau import (
     stiffen_drives,
 )
 from .state import copied, size_of_state
-from .unilateral import segment_reaches, span_reaches
+from .unilateral import segment_reaches, set_wrap, span_reaches
 
 BY_WIDTH = WIDTH - 1  # the derivative by the width of a part
 # entries of PART_TIMES: when a part begins, of which only the derivatives count, how wide it is,
@@ -192,6 +192,8 @@ def set_rows(scene, numbers, first, h, width, q, v):
             span_reaches(scene, i, h, width, v)
         elif kind == at.T_SLACK:
             segment_reaches(scene, i, h, width, q, v)
+        elif kind == at.T_WRAP:
+            set_wrap(scene, i)
         elif kind == at.T_CONTACT:
             set_contact(scene, numbers, i, h)
         else:

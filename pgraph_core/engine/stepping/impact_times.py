@@ -16,6 +16,7 @@ from ..cables import cable_length
 from ..compiler.dual import WIDTH, parted
 from ..compiler.jit import part, sweep
 from ..constraints.blocks import (
+    dry,
     ends_of,
     first_of,
     span,
@@ -109,7 +110,7 @@ def end_where_parted(run, numbers, carried, first):
         i = own.blocks.active[j]
         if not given.space.vectors[LAMBDA, first_of(given.space.slots, i)] > 0.0:
             continue
-        if type_of(own.blocks.blocks_i, i) == at.T_FRICTION:  # friction of a joint has no gap
+        if dry(type_of(own.blocks.blocks_i, i)):  # friction has no gap
             continue
         point = type_of(own.blocks.blocks_i, i) == at.T_CONTACT
         n = place_of_point(scene, of_numbers, i) if point else -1

@@ -5,7 +5,7 @@ import math
 from ...tolerances import NOTABLE, TOUCHING
 from .. import layout as at
 from ..arrays import BEFORE, DINV, EFFECT, LAMBDA, PUSH, SPEEDS_AFTER, TARGET
-from ..cables import cable_length, over_spans
+from ..cables import cable_length, changes_at, over_spans
 from ..compiler.jit import part, sweep
 from ..constraints.blocks import (
     ends_of,
@@ -85,6 +85,9 @@ def add_unilateral(scene, h, w, left, mode, q, v, vdot):
         if type_of(blocks_i, i) == at.T_SLACK:
             if w > 0.0 and segment_reaches(scene, i, h, w, q, v):
                 append(active, i)
+                append_chain(scene, i)
+            continue
+        if type_of(blocks_i, i) == at.T_WRAP:
             continue
         led = follows and blocks.blocks_f[i, at.REBOUND] > 0.0
         if look:
@@ -135,6 +138,27 @@ def append(active, i):
     """Append block i to the active blocks."""
     active[0] += 1
     active[active[0]] = i
+
+
+@part
+def append_chain(scene, i):
+    """Append the friction on wheels of the chain of a cable that begins with block i."""
+    blocks = opened(scene).blocks
+    n = i + 1
+    while n < blocks.blocks_i.shape[0] and blocks.blocks_i[n, at.B_CHAIN] == n - i:
+        set_wrap(scene, n)
+        append(blocks.active, n)
+        n += 1
+
+
+@sweep
+def set_wrap(scene, i):
+    """Write the bounds of the friction of a cable on a wheel."""
+    data = opened(scene)
+    blocks = data.blocks
+    wheel = stations_of(blocks.blocks_i, i)[0]
+    fall, rise = changes_at(blocks.stations, data.work, wheel)
+    blocks.blocks_f[i, at.FALL], blocks.blocks_f[i, at.RISE] = fall, rise
 
 
 @part
