@@ -1,16 +1,25 @@
-"""An elastic cable over points and wheels, which only pulls."""
+"""An elastic cable over points and wheels, which only pulls.
+
+The segments of a chain, between wheels with friction, share the stretch e of the whole chain. The
+mean of their tensions is T = stiffness e + damping e', as their rows have the same part of e. The
+cable slips over wheel k at the speed s, by which the segments behind it lengthen more than their
+part of e'. With r = s / √(s² + creep²), the tension changes there by the factor e^(r μθ), which
+dissipates what it takes from the motion.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import model_validator
 
-from ..engine.cables import cable_length, cable_rate, over_spans
-from ..engine.compiler.jit import part
+from ..engine.cables import GRIP, cable_length, cable_rate, hold_of, over_spans
+from ..engine.compiler.elementary import exp
+from ..engine.compiler.jit import part, sweep
 from ..engine.compiler.masks import chosen, larger, more
-from ..engine.records import REAL
+from ..engine.records import CREEP, INTEGER, REAL
 from ..engine.vec import scale
 from ..fields import Number, field, refuse
 from ..pulleys import AlongPulleys
@@ -23,8 +32,9 @@ class Cable(AlongPulleys, OnBody):
     """An elastic cable or belt that leads through points and over wheels, and only pulls.
 
     A wheel that it grips divides it into segments, each of which has its own tension: `stiffness`
-    times its stretch, plus `damping` times the rate of that while it is taut. With `closed` it is a
-    belt, which returns to its first wheel.
+    times its stretch, plus `damping` times the rate of that while it is taut. Segments between
+    wheels with friction share the stretch of all of them. With `closed` it is a belt, which returns
+    to its first wheel.
 
     Examples
     --------
@@ -70,6 +80,11 @@ class Cable(AlongPulleys, OnBody):
         return self
 
     @property
+    def _slips(self) -> bool:
+        """Return True if it stretches, and may slip on a wheel."""
+        return bool(self.stiffness) and any(x.friction for x in self.through)
+
+    @property
     def _bounds(self) -> bool:
         return self.stiffness is None
 
@@ -110,6 +125,9 @@ def pack(f: Part, one: Any, at: Places) -> Array:
     assert cable.stiffness is not None
     one["stiffness"], one["damping"] = cable.stiffness, cable.damping
     one["rest"] = longest_of(cable, segment) - cable.tension / cable.stiffness
+    chain, k, last = segment.chain, segment.number, len(segment.chain.rows) - 1
+    one["begin"], one["end"] = (*chain.starts, last)[k : k + 2]
+    one["segments"], one["creep"] = len(chain.starts), CREEP
     pushing = 0.0 if cable.damping else -np.inf
     return np.array([[0.0, 0.0, 0.0, np.inf], [0.0, 0.0, pushing, np.inf]])
 
@@ -126,21 +144,59 @@ def pull(one, knots, length, rate, t):
 
 
 @part
-def ends_of_segment(one):
-    """Return the first and the last station of a segment."""
+def ends_of_chain(one):
+    """Return the first and the last station of the chain of a segment."""
     return one.first_via, one.first_via + one.vias - 1
 
 
 @part
-def length_of_segment(one, vias, work, q):
-    first, last = ends_of_segment(one)
+def length_of_chain(one, vias, work, q):
+    first, last = ends_of_chain(one)
     return cable_length(vias, work, q, first, last)
 
 
 @part
-def rate_of_segment(one, vias, work, linear):
-    first, last = ends_of_segment(one)
+def rate_of_chain(one, vias, work, linear):
+    first, last = ends_of_chain(one)
     return cable_rate(linear, vias, work, first, last)
+
+
+@part
+def ends_of_segment(one):
+    """Return the first and the last station of a segment."""
+    return one.first_via + one.begin, one.first_via + one.end
+
+
+@sweep
+def share_of(one, vias, work, linear, rate):
+    """Return the tension of a segment over the mean of its chain, which lengthens at this rate."""
+    first, last = ends_of_chain(one)
+    now = own = total = 1.0 + 0.0 * rate
+    behind = one.segments
+    for n in range(first + 1, last):
+        if vias[n].shape == GRIP:
+            behind -= 1
+            slip = cable_rate(linear, vias, work, n, last) - behind * rate / one.segments
+            held = slip / math.sqrt(slip * slip + one.creep * one.creep)
+            now = now * exp(held * hold_of(vias, work, n))
+            total = total + now
+            own = now if n == first + one.begin else own
+    return one.segments * own / total
+
+
+@part
+def pulled(one, knots, vias, work, linear, q, t):
+    """Return (tension, length, rate, power put in, power lost) of a segment."""
+    length, rate = length_of_chain(one, vias, work, q), rate_of_chain(one, vias, work, linear)
+    tension, put_in, lost = pull(one, knots, length, rate, t)
+    if one.segments > 1:
+        elastic = (tension * rate - lost) / one.segments
+        tension = tension * share_of(one, vias, work, linear, rate)
+        first, last = ends_of_segment(one)
+        length = cable_length(vias, work, q, first, last)
+        rate = cable_rate(linear, vias, work, first, last)
+        lost = tension * rate - elastic
+    return tension, length, rate, put_in, lost
 
 
 def onto(push: Any) -> Any:
@@ -160,9 +216,7 @@ def onto(push: Any) -> Any:
     @part
     def exert(one, knots, vias, work, linear, q, t, to):
         first, last = ends_of_segment(one)
-        length = length_of_segment(one, vias, work, q)
-        rate = rate_of_segment(one, vias, work, linear)
-        tension, put_in, lost = pull(one, knots, length, rate, t)
+        tension, _, _, put_in, lost = pulled(one, knots, vias, work, linear, q, t)
         shorten_spans((to, tension), vias, work, first, last)
         return put_in, lost
 
@@ -172,24 +226,28 @@ def onto(push: Any) -> Any:
 @part
 def tension(one, knots, vias, work, linear, q, t):
     """Return (tension, length, rate) of a segment."""
-    length, rate = length_of_segment(one, vias, work, q), rate_of_segment(one, vias, work, linear)
-    force, _, _ = pull(one, knots, length, rate, t)
+    force, length, rate, _, _ = pulled(one, knots, vias, work, linear, q, t)
     return force, length, rate
 
 
 @part
 def stored(one, knots, vias, work, q):
-    """Return the stored energy ½ stiffness stretch²."""
-    stretch = larger(length_of_segment(one, vias, work, q) - one.rest, 0.0)
-    return 0.5 * one.stiffness * stretch * stretch
+    """Return the stored energy ½ stiffness stretch², or the part of a segment in it."""
+    stretch = larger(length_of_chain(one, vias, work, q) - one.rest, 0.0)
+    return 0.5 * one.stiffness * stretch * stretch / one.segments
 
 
 def linear(table: Any) -> bool:
-    """Check whether no cable has a damper, which acts in taut ones only."""
-    return not table["damping"].any()
+    """Check whether no cable has a damper, which acts in taut ones only, or friction."""
+    return not (table["damping"].any() or (table["segments"] > 1).any())
 
 
-ROW = row(stiffness=REAL, damping=REAL, rest=REAL)
+# stations of the segment in those of its chain, and how many segments share its stretch; `creep`:
+# the speed below which friction is regularised [m/s]
+ROW = row(
+    stiffness=REAL, damping=REAL, rest=REAL, begin=INTEGER, end=INTEGER, segments=INTEGER,
+    creep=REAL,
+)  # fmt: skip
 # knots: the stretch from which it pulls, and the tension below which it would push, with the least
 # and most that a run holds there
 LOAD = Load(Cable, ROW, pack, Action(onto, stored, tension), columns=4, linear=linear, split=split)

@@ -96,7 +96,7 @@ class Placed:
     def vias(self, part: Any) -> Sequence[tuple[Any, ...]]:
         """Return the fields of VIA for each point of a row besides its two ends."""
         if isinstance(part, Part):
-            return part.segment.rows.tolist()
+            return part.segment.chain.rows.tolist()
         return [_packed_via(via, self) for via in part._places]
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from ..dynamics.scene import contact_tables, rubs
 from ..errors import InputError, Problem
+from ..forces import Cable
 from ..integrators import DOP853, DOPRI5, MOREAU_JEAN, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
 from ..model.settings import AUTO, STEP
@@ -42,12 +43,17 @@ def method_for(rate: Rate, plan: RunPlan, o: Options) -> tuple[Method, str]:
     impulses, touching = plan.impulses, plan.contacts is not None
     tendons = plan.contacts is not None and plan.contacts.tendons
     rubbing = rubs(plan.drives)
+    slipping = next((f for f in plan.acting if isinstance(f, Cable) and f._slips), None)
     if (name := o.method or AUTO) != AUTO:
         method = method_of(name, impulses=impulses, touching=touching or rubbing)
+        if method is MOREAU_JEAN and slipping is not None:
+            text = f"'{name}' does not take the friction of the cable '{slipping.name}' on wheels, "
+            text += "as it stretches; use 'radau5', or leave its stiffness out"
+            raise InputError(Problem("simulate", "method", text))
         return method, f"{name}: as asked"
-    if impulses and (o.rtol is None or tendons):
+    if impulses and slipping is None and (o.rtol is None or tendons):
         return MOREAU_JEAN, "moreau_jean: the scene has rigid contacts or joint limits"
-    if rubbing and o.rtol is None:
+    if rubbing and slipping is None and o.rtol is None:
         return MOREAU_JEAN, "moreau_jean: dry friction of joints or tendons, which may stick"
     loose = o.rtol is not None and o.rtol > 1e-5
     if impulses:

@@ -65,12 +65,18 @@ def _finer_plan(plan: RunPlan, steps: int, divided: bool) -> RunPlan:
         given = Tolerance(SOLVED, 0.0, 0.5 * float(plan.width.max()), MOST_CHOSEN)
     way = None if plan.way is None else finer_plan(plan.onward(), steps, divided)
     table = plan.drives.table.copy()
-    table["creep"] *= 0.5
+    cables, *of_cables = plan.loads.cable
+    cables = cables.copy()
+    for own in (table, cables):
+        own["creep"] *= 0.5
     if (contacts := plan.contacts) is not None and contacts.compliant:
         contacts = contacts._replace(laws=contacts.laws.copy())
         contacts.laws["creep"] *= 0.5
     drives = plan.drives._replace(table=table)
-    plan = replace(plan, parts=2 * plan.parts, way=way, drives=drives, contacts=contacts)
+    loads = plan.loads._replace(cable=(cables, *of_cables))
+    plan = replace(
+        plan, parts=2 * plan.parts, way=way, drives=drives, loads=loads, contacts=contacts
+    )
     if given is None:
         return plan
     ends_run = plan.times[[0, -1]][: 2 * len(plan.corners)]

@@ -9,7 +9,7 @@ stepping that of the last step.
 
 import math
 
-from ...forces.cable import length_of_segment, rate_of_segment
+from ...forces.cable import length_of_chain, rate_of_chain
 from ...forces.path import measured as measured_path
 from ...tolerances import TINY
 from .. import layout as at
@@ -168,8 +168,8 @@ def observe(scene, code, t, q, v):
                 length, rate = measured_path(struts[n], vias, work, data.space.linear)
             else:
                 cables, _, stations = data.loads.cable
-                length = length_of_segment(cables[n], stations, work, q)
-                rate = rate_of_segment(cables[n], stations, work, data.space.linear)
+                length = length_of_chain(cables[n], stations, work, q)
+                rate = rate_of_chain(cables[n], stations, work, data.space.linear)
             code[i, MEASURE.value] = length if what == OF_LENGTH else rate
             code[i, LENGTH_RATE] = rate
 
