@@ -318,12 +318,16 @@ def changed(
             one["side"] = int(text) if text else None
         case "grip":
             one["grip"] = {"": None, "yes": True, "no": False}[text]
+            one["friction"] = None if text else one.get("friction")
+        case "friction":
+            one["friction"] = None if empty else content(text, "number", display)
+            one["grip"] = one.get("grip") if empty else None  # it may slip
         case "axis" if empty:
             one["axis"] = None
         case "radius":
             one["radius"] = 0.0 if empty else content(text, "length", display)
             if one["radius"] == 0.0:
-                one |= dict.fromkeys(("axis", "side", "grip"))
+                one |= dict.fromkeys(pg.Pulley.OF_WHEELS)
             else:
                 return settled(model, stations, data["closed"])
         case _:

@@ -512,6 +512,9 @@ def _of_station(
         now = {None: "", True: "yes", False: "no"}[value] if key == "grip" else str(value or "")
         return field(name, shows.label, [cell(index, now)], kind="choice", options=options,
                      help=shows.help)  # fmt: skip
+    if key == "friction":
+        number = "" if value is None else shown(value, "number", display)
+        return field(name, shows.label, [cell(index, number)], help=shows.help)
     if key == "radius":
         length = "" if value in (None, 0.0) else shown(value, "length", display)
         return field(name, shows.label, [cell(index, length)], unit=display.length,

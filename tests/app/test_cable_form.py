@@ -170,7 +170,7 @@ def test_rows_show_each_station_and_edit_it():
     labels = [row["label"] for row in rows(state)]
     assert labels == [
         "1. point", "Point", "Radius", "2. wheel", "Centre", "Radius", "Axis", "Side", "Grip",
-        "3. point", "Point", "Radius", "+ body",
+        "Friction", "3. point", "Point", "Radius", "+ body",
     ]  # fmt: skip
     axis = rows(state)[6]
     assert [(c["value"], c["implied"]) for c in axis["cells"]] == [(0, True), (1, True), (0, True)]
@@ -182,6 +182,10 @@ def test_rows_show_each_station_and_edit_it():
     assert part(state).through[1] == pg.Pulley("sheave", radius=0.12, axis=(0, 1, 0))
     state = edit(state, ((1, 2), ""))
     assert part(state).through[1] == pg.Pulley("sheave")
+    state = edit(state, ((1, 2), "120 mm"), ((1, 5), "no"), ((1, 6), "0.3"))
+    assert (part(state).through[1].grip, part(state).through[1].friction) == (None, 0.3)
+    state = edit(state, ((1, 5), "yes"))
+    assert (part(state).through[1].grip, part(state).through[1].friction) == (True, None)
     refused = edit(state, ((0, 0), "nobody"))
     assert "nobody" in reply(refused)
 

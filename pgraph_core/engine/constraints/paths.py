@@ -220,10 +220,12 @@ def carry_cable(rows, blocks, i, work, space):
 
 @part
 def add_joints(space, i, other):
-    """Add the joints of another block to block i, which does not move them. Blocks whose laws
-    depend on each other have the same joints."""
+    """Add the joints of another block to block i, which does not move them, unless it moves none.
+
+    Blocks whose laws depend on each other have the same joints.
+    """
     y, slots = space.y, space.slots
-    for s in range(joints_of(slots, other)):
+    for s in range(joints_of(slots, other) if joints_of(slots, i) > 0 else 0):
         count, known = joints_of(slots, i), False
         for own in range(count):
             known = known or joint_of(slots, i, own) == joint_of(slots, other, s)

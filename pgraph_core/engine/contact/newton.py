@@ -158,7 +158,7 @@ def prepare(scene, n, soft, refactor):
     rows = fours_of(islands)
     clear(islands.change, rows)
     symmetric = True
-    tension = 0.0
+    chain, tension = -1, 0.0
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         k = 1.0 / islands.mobility[i]
@@ -168,10 +168,9 @@ def prepare(scene, n, soft, refactor):
         symmetric = symmetric and not on_rim(slope) and kept[i, SCRATCH.follows] == 0.0
         inverse = resistance(slope, ks)
         move = mul(inverse, load(kept, i, SCRATCH.miss))
-        if before_in_chain(blocks_i, i) > 0:
+        chain, tension = along_chain(blocks_i, i, chain, tension)
+        if kept[i, SCRATCH.follows] != 0.0:
             move = (move[0] + kept[i, SCRATCH.follows] * tension, 0.0, 0.0)
-        else:
-            tension = 0.0
         tension += move[0]
         store(kept, i, SCRATCH.move, move)
         pull(islands, j, move, islands.change)
@@ -206,6 +205,14 @@ def prepare(scene, n, soft, refactor):
     return symmetric
 
 
+@part
+def along_chain(blocks_i, i, chain, tension):
+    """Return (first block of the chain of block i, a sum along this chain, which is zero where it
+    begins)."""
+    first = i - before_in_chain(blocks_i, i)
+    return first, tension if first == chain else 0.0
+
+
 @sweep
 def add_chain(scene, n, j):
     """Add to the matrix Yᵀ p times the change of the tension before the j-th block by velocities,
@@ -238,8 +245,10 @@ def by_speeds(islands, j, count, e):
     """Return four columns, the e-th ones, of the slope of the impulse of the tension before the
     j-th block, with `count` blocks before it in its chain, by speeds, times -1."""
     total = four(0.0, 0.0, 0.0, 0.0)
-    for m in range(j - count, j):
+    for m in range(max(j - count, 0), j):
         i = islands.blocks[m]
+        if i < islands.blocks[j] - count:  # those before it that move nothing are not in the island
+            continue
         rate = islands.slope[i, SCRATCH.rate]
         total = total + islands.slope[i, SCRATCH.follows] * total
         total = total + rate * load_four(islands.across, islands.fours[m] + e, 0)
@@ -291,7 +300,7 @@ def direction(scene, n, soft, refactor, held):
     islands = contacts_at(opened(scene).links.contacts).islands
     upper, lower, start, column = islands.upper, islands.lower, islands.start, islands.column
     change, kept, rows = islands.change, islands.slope, fours_of(islands)
-    blocks_i, tension = opened(scene).blocks.blocks_i, 0.0
+    blocks_i, chain, tension = opened(scene).blocks.blocks_i, -1, 0.0
     symmetric = prepare(scene, n, soft, refactor)
     if held:
         for p in range(rows):
@@ -306,10 +315,9 @@ def direction(scene, n, soft, refactor, held):
         before = move[0]
         for c in range(3):
             move = add_scaled(move, -u[c], load(kept, i, SCRATCH.rate + 3 * c))
-        if before_in_chain(blocks_i, i) > 0:
+        chain, tension = along_chain(blocks_i, i, chain, tension)
+        if kept[i, SCRATCH.follows] != 0.0:
             move = (move[0] + kept[i, SCRATCH.follows] * tension, 0.0, 0.0)
-        else:
-            tension = 0.0
         tension += move[0] - before
         store(kept, i, SCRATCH.move, move)
     return True
