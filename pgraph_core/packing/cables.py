@@ -96,8 +96,8 @@ def segments(
             text = f"it ends at a wheel of '{one.pulley.body}' over which it would slide; leave "
             raise refuse(f"{text}grip=False out for a drum, or end the rope at a point")
         if one.pulley.friction is not None:
-            text = f"it ends at the wheel of '{one.pulley.body}', a drum, on which it does not slip"
-            raise refuse(f"{text}; leave friction={one.pulley.friction:g} out, or end it at a point")
+            text = f"it ends at the drum '{one.pulley.body}', on which it does not slip; leave "
+            raise refuse(f"{text}friction={one.pulley.friction:g} out, or end it at a point")
         if one.pulley.radius:
             found[k] = one._replace(grips=True)
     points = [k for k, x in enumerate(found) if not x.pulley.radius]
@@ -115,9 +115,7 @@ def segments(
     return [x for own in groups for x in _chained(own, at_, packed, model)]
 
 
-def _chained(
-    own: Sequence[Segment], at_: Any, packed: Any, model: Any
-) -> Sequence[Segment]:
+def _chained(own: Sequence[Segment], at_: Any, packed: Any, model: Any) -> Sequence[Segment]:
     """Return the segments of a chain with what they are together."""
     if len(own) == 1:
         return own

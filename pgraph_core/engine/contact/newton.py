@@ -153,7 +153,8 @@ def prepare(scene, n, soft, refactor):
 
     Whether the matrix is symmetric.
     """
-    islands, blocks_i = contacts_at(opened(scene).links.contacts).islands, opened(scene).blocks.blocks_i
+    islands = contacts_at(opened(scene).links.contacts).islands
+    blocks_i = opened(scene).blocks.blocks_i
     upper, lower, kept, start = islands.upper, islands.lower, islands.slope, islands.start
     rows = fours_of(islands)
     clear(islands.change, rows)
@@ -201,7 +202,7 @@ def prepare(scene, n, soft, refactor):
         add_block(islands, j, symmetric)
     for j in range(islands.first[n], islands.first[n + 1]):
         if kept[islands.blocks[j], SCRATCH.follows] != 0.0:
-            add_chain(scene, n, j)
+            add_chain(islands, blocks_i, j)
     return symmetric
 
 
@@ -214,30 +215,32 @@ def along_chain(blocks_i, i, chain, tension):
 
 
 @sweep
-def add_chain(scene, n, j):
+def add_chain(islands, blocks_i, j):
     """Add to the matrix Yᵀ p times the change of the tension before the j-th block by velocities,
     where p is the slope of its law.
 
     The slope of that tension is Σ -R Y over the blocks before it, of which each that follows has
     the multiple 1 + p of the slope before itself.
     """
-    islands, blocks_i = contacts_at(opened(scene).links.contacts).islands, opened(scene).blocks.blocks_i
     start, column, upper, lower = islands.start, islands.column, islands.upper, islands.lower
-    across, reached, kept, i = islands.across, islands.reached, islands.slope, islands.blocks[j]
-    count, width = before_in_chain(blocks_i, i), islands.fours[j + 1] - islands.fours[j]
+    across, reached, i, first = islands.across, islands.reached, islands.blocks[j], islands.fours[j]
+    slope, count = islands.slope[i, SCRATCH.follows], before_in_chain(blocks_i, i)
+    width = islands.fours[j + 1] - first
     for e in range(width):
-        own = kept[i, SCRATCH.follows] * load_four(across, islands.fours[j] + e, 0)
-        mine = numbers_of_four(own)
-        to = start[reached[islands.fours[j] + e]]
+        force = numbers_of_four(slope * load_four(across, first + e, 0))
+        speed = numbers_of_four(by_speeds(islands, j, count, e))
+        to = start[reached[first + e]]
         for f in range(e, width):
-            while column[to] != reached[islands.fours[j] + f]:
+            while column[to] != reached[first + f]:
                 to += 1
-            other = kept[i, SCRATCH.follows] * load_four(across, islands.fours[j] + f, 0)
-            here, there = by_speeds(islands, j, count, f), numbers_of_four(by_speeds(islands, j, count, e))
+            forces, speeds = (
+                slope * load_four(across, first + f, 0),
+                by_speeds(islands, j, count, f),
+            )
             for c in range(4):
-                store_four(upper, to, 4 * c, load_four(upper, to, 4 * c) + mine[c] * here)
+                store_four(upper, to, 4 * c, load_four(upper, to, 4 * c) + force[c] * speeds)
                 if f > e:
-                    store_four(lower, to, 4 * c, load_four(lower, to, 4 * c) + there[c] * other)
+                    store_four(lower, to, 4 * c, load_four(lower, to, 4 * c) + speed[c] * forces)
 
 
 @part
