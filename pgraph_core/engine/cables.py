@@ -25,7 +25,7 @@ import math
 from ..tolerances import TINY
 from .compiler.elementary import atan2, exp
 from .compiler.jit import part, sweep
-from .compiler.masks import larger
+from .compiler.masks import chosen, larger, more
 from .records import INTEGER, REAL
 from .rows import (
     acceleration_of,
@@ -154,7 +154,7 @@ def turned_on(vias, work, n):
 def hold_of(vias, work, n):
     """Return μθ of the inner wheel n, the logarithm of the largest ratio of tensions."""
     angle = turned_on(vias, work, n)
-    return vias[n].friction * larger(math.copysign(1.0, vias[n].radius) * angle, 0.0)
+    return vias[n].friction * larger(chosen(more(vias[n].radius, 0.0), angle, -angle), 0.0)
 
 
 @sweep
