@@ -105,7 +105,7 @@ PB = 3  # 3, point of B, in world axes if B is the ground
 DIR = 6  # 9, up to three directions fixed in B, one after the other
 AIM = 15  # 9, up to three directions fixed in A
 VALUE = 24  # length, radius [m], offset [rad, m], or velocity [rad/s, m/s]
-FALL, RISE = 6, 7  # bounds of a change of tension, relative to the tension before it
+WRAP_FALL, WRAP_RISE = 6, 7  # bounds of a change of tension, relative to the tension before it
 # of a curve, whose DIR is a direction that it never has
 WAY, KNOWN = 9, 10  # where a point was last on its curve, 1 if it is known [m, or as its functions]
 GRAIN = 11  # of which the way is a whole multiple before the last steps of its search
@@ -146,7 +146,7 @@ T_CURVE = 14  # x_A stays on a curve of B, by `curves`, along two normals of its
 T_CABLE = 15  # the length of a segment of a cable = VALUE, see `cables`
 # unilateral VALUE - length of a segment of a cable ≥ 0, with AIM the speed at which it may close
 T_SLACK = 16
-# friction of a cable on a wheel, between FALL and RISE: λ is the change of its tension there, from
+# friction of a cable on a wheel, between WRAP_FALL and WRAP_RISE: λ is the change of its tension there, from
 # the sum of the λ before it in its chain; its stations are those from the wheel on
 T_WRAP = 17
 T_TURN = 10  # resistance to turning at a contact point: torques along DIR, within bounds

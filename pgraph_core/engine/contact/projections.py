@@ -21,7 +21,9 @@ def bounds_of(data, i):
     blocks = data.blocks
     if type_of(blocks.blocks_i, i) == at.T_WRAP:
         tension = max(tension_before(data, i), 0.0)
-        return blocks.blocks_f[i, at.FALL] * tension, blocks.blocks_f[i, at.RISE] * tension
+        return blocks.blocks_f[i, at.WRAP_FALL] * tension, blocks.blocks_f[
+            i, at.WRAP_RISE
+        ] * tension
     if type_of(blocks.blocks_i, i) == at.T_FRICTION:
         return blocks.blocks_f[i, at.AIM], 0.0
     if type_of(blocks.blocks_i, i) != at.T_TURN:
@@ -49,7 +51,7 @@ def follows(data, i, z):
     least, most = bounds_of(data, i)
     if tension_before(data, i) < 0.0 or least <= z <= most:
         return 0.0
-    return data.blocks.blocks_f[i, at.FALL if z < least else at.RISE]
+    return data.blocks.blocks_f[i, at.WRAP_FALL if z < least else at.WRAP_RISE]
 
 
 @part

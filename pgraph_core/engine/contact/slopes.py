@@ -98,7 +98,7 @@ def law_of_wrap(data, i, size):
 def bound_of_wrap(data, numbers, i):
     """Return the bound that the friction of a sliding cable has, relative to the tension before."""
     lam = numbers.space.vectors[LAMBDA, first_of(numbers.space.slots, i)]
-    return data.blocks.blocks_f[i, at.FALL if lam < 0.0 else at.RISE]
+    return data.blocks.blocks_f[i, at.WRAP_FALL if lam < 0.0 else at.WRAP_RISE]
 
 
 @part

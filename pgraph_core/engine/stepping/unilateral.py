@@ -158,7 +158,7 @@ def set_wrap(scene, i):
     blocks = data.blocks
     wheel = stations_of(blocks.blocks_i, i)[0]
     fall, rise = changes_at(blocks.stations, data.work, wheel)
-    blocks.blocks_f[i, at.FALL], blocks.blocks_f[i, at.RISE] = fall, rise
+    blocks.blocks_f[i, at.WRAP_FALL], blocks.blocks_f[i, at.WRAP_RISE] = fall, rise
 
 
 @part
