@@ -146,8 +146,8 @@ T_CURVE = 14  # x_A stays on a curve of B, by `curves`, along two normals of its
 T_CABLE = 15  # the length of a segment of a cable = VALUE, see `cables`
 # unilateral VALUE - length of a segment of a cable ≥ 0, with AIM the speed at which it may close
 T_SLACK = 16
-# friction of a cable on a wheel, between WRAP_FALL and WRAP_RISE: λ is the change of its tension there, from
-# the sum of the λ before it in its chain; its stations are those from the wheel on
+# friction of a cable on a wheel, between WRAP_FALL and WRAP_RISE: λ is the change of its tension
+# there, from the sum of the λ before it in its chain; its stations are those from the wheel on
 T_WRAP = 17
 T_TURN = 10  # resistance to turning at a contact point: torques along DIR, within bounds
 
