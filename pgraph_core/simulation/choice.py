@@ -48,7 +48,7 @@ def method_for(rate: Rate, plan: RunPlan, o: Options) -> tuple[Method, str]:
         method = method_of(name, impulses=impulses, touching=touching or rubbing)
         if method is MOREAU_JEAN and slipping is not None:
             text = f"'{name}' does not take the friction of the cable '{slipping.name}' on wheels, "
-            text += "as it stretches; use 'radau5', or leave its stiffness out"
+            text += "as it stretches; use 'dop853', or leave its stiffness out"
             raise InputError(Problem("simulate", "method", text))
         return method, f"{name}: as asked"
     if impulses and slipping is None and (o.rtol is None or tendons):

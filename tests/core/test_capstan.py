@@ -206,9 +206,8 @@ def test_an_elastic_cable_slips_with_regularised_friction(method, backwards):
 def test_an_elastic_cable_is_refused_in_time_stepping_by_its_name():
     model = hung(0.3, **ELASTIC).edit("left", limits=[(-5.0, 5.0)])
     error = refusal(lambda: pg.simulate(model, t_end=0.01, method="moreau_jean"))
-    assert_names(str(error), "method", "'moreau_jean'", "'rope'", "stiffness", "'radau5'")
-    assert pg.simulate(model, t_end=0.01, method="radau5").t[-1] == 0.01
-    assert pg.simulate(model, t_end=0.01).method == "dop853"
+    assert_names(str(error), "method", "'moreau_jean'", "'rope'", "stiffness", "'dop853'")
+    assert pg.simulate(model, t_end=0.01).header["method"] == "dop853"
 
 
 # -- refusals --------------------------------------------------------------------------------------
