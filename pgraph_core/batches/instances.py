@@ -453,7 +453,9 @@ class TreeLanes(Instances):
 
     def _in_blocks(self, work: Callable[[int, int, Array], None], count: int) -> None:
         """Run `work(begin, end, workspace)` on `count` lane blocks across the threads."""
-        shape = len(self.workers[0].stepper.mech.packed.rows), at.WORK, LANE_WIDTH
+        packed, plan = self.workers[0].stepper.mech.packed, self.workers[0].stepper.recording.plan
+        room = max(packed.passive_loads.room, plan.loads.room)
+        shape = len(packed.rows) + room, at.WORK, LANE_WIDTH
         self.spread(lambda _, begin, end: work(begin, end, np.zeros(shape)), count)
 
 

@@ -21,6 +21,7 @@ from ..packing import Array
 from ..packing.packed import Packed, passive
 from .arguments import finite, for_each_state, numbers, position, wrong_type
 from .kinematics import NO_EXTERNAL, Kinematics
+from .paths import Paths
 from .scene import Scene
 
 FORWARD = closed(dynamics.forward_dynamics)  # simulations do not need it
@@ -107,6 +108,44 @@ class Dynamics(Kinematics):
         address, q, v = self._scene.address, position(self.packed, q), self._speed(v)
         with self._lock:
             return motion.energy(address, q, v)
+
+    @for_each_state
+    def path_length(self, q: Array) -> Array:
+        """Return the lengths (n,) [m] of the paths of all springs and struts, in model order."""
+        return self._along_paths(q)[0]
+
+    @for_each_state
+    def moment_arms(self, q: Array) -> Array:
+        """Return the moment arms of the paths of all springs and struts, in model order.
+
+        They are the generalised forces of a tension of 1 N, and exactly -dL/dq of the lengths L. A
+        tension T along path i exerts τ = T r[i].
+
+        Parameters
+        ----------
+        q : (nq,) array
+            Configuration.
+
+        Returns
+        -------
+        (n, nv) array
+            r [m] for angles, a number without a unit for lengths.
+
+        Examples
+        --------
+            mech = pg.Mechanism(pg.Model.load("arm.json"))
+            elbow = mech.moment_arms(mech.home()[0])[:, mech.joints["forearm"].v]
+        """
+        return self._along_paths(q)[1]
+
+    def _along_paths(self, q: Array) -> tuple[Array, Array]:
+        q = position(self.packed, q)
+        with self._lock:
+            return self._paths.measured(q)
+
+    @cached_property
+    def _paths(self) -> Paths:
+        return Paths(self.packed)
 
     # -- equations of motion ---------------------------------------------------------------------
     # Passive forces act here: springs, dampers and friction of joints, and springs, dampers and

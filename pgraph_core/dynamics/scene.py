@@ -107,7 +107,7 @@ class Scene(Unportable):
         self.active = np.zeros(len(self.blocks.blocks_i) + 1, dtype=np.int64)
         self.given = np.zeros(packed.nv)
         self.user, self.gains = user, gains
-        self.work = np.zeros((len(packed.rows), at.WORK))
+        self.work = np.zeros((len(packed.rows) + loads.room, at.WORK))
         before = len(own.blocks_i)
         self.touching = (
             ContactSpace(packed, contacts, self.blocks, before, steps=self.once)

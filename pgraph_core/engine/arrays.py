@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from ..forces import LOADS as KINDS_OF_LOADS
 from ..forces import VIA
+from ..forces.obstacles import follow_each_other
 from .compiler.address import stored
 from .compiler.kinds import (
     C2,
@@ -125,6 +126,17 @@ class Loads(namedtuple("_Loads", [*(one.kind for one in KINDS_OF_LOADS), "signal
     def number(self) -> int:
         """Return the number of loads and expressions."""
         return sum(len(table) for table, *_ in self[:-1]) + len(self.signals[0])
+
+
+    @property
+    def room(self) -> int:
+        """Return the number of rows of a workspace for points between obstacles in a row."""
+        spans = (
+            (vias[one["first_via"] :][: one["vias"]], one["vias"])
+            for table, _, vias in self[:-1]
+            for one in (table if len(vias) else ())
+        )
+        return max((int(count) for own, count in spans if follow_each_other(own)), default=0)
 
 
 class Blocks(NamedTuple):

@@ -229,6 +229,48 @@ tension_of_load = _tension_at(0)
 elastic_loads = _stores(0)
 
 
+@part
+def unbiased(rows, work):
+    """Set the bias forces of all rows to zero."""
+    for k in range(rows.shape[0]):
+        set_bias(work, k, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+@part
+def carry_bias(rows, const, work, tau):
+    """Compute τ = Hᵀ φᵀ F of the forces F = -P on the rows, eqs. (12), (23). P is used up."""
+    for k in range(rows.shape[0] - 1, 0, -1):
+        moment, force = bias_of(work, k)
+        project(rows, work, k, const, scale(-1.0, moment), scale(-1.0, force), tau)
+        p = parent_of(rows, k)
+        add_bias(work, p, add_cross(moment, link_of(work, k), force), force)
+
+
+def _arms(n):
+    if n == len(LOADS):
+        return part(lambda rows, const, loads, work, lengths, arms, begin: None)
+    rest = _arms(n + 1)
+    if LOADS[n].action.unit is None:
+        return rest
+    pulled = LOADS[n].action.unit(onto_row)
+
+    @sweep
+    def chain(rows, const, loads, work, lengths, arms, begin):
+        table, _, vias = loads[n]
+        for i in range(table.shape[0]):
+            unbiased(rows, work)
+            lengths[begin + i] = pulled(table[i], vias, work, work)
+            carry_bias(rows, const, work, arms[begin + i])
+        rest(rows, const, loads, work, lengths, arms, begin + table.shape[0])
+
+    return chain
+
+
+# length of all loads along paths [m], and -dL/dq: the generalised forces of a tension of 1 N, from
+# row `begin` of `lengths` (n,) and `arms` (n, nv) on, kind after kind, after `positions`
+arms_of_loads = _arms(0)
+
+
 @sweep
 def torque_of_loads(rows, const, loads, work, linear, q, tau):
     """Compute τ = Hᵀ φᵀ F of all loads at t = 0, eqs. (12), (23), after `positions` and
@@ -236,11 +278,6 @@ def torque_of_loads(rows, const, loads, work, linear, q, tau):
 
     P is used up.
     """
-    for k in range(rows.shape[0]):
-        set_bias(work, k, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    unbiased(rows, work)
     apply_loads(loads, work, linear, q, 0.0)
-    for k in range(rows.shape[0] - 1, 0, -1):
-        moment, force = bias_of(work, k)
-        project(rows, work, k, const, scale(-1.0, moment), scale(-1.0, force), tau)
-        p = parent_of(rows, k)
-        add_bias(work, p, add_cross(moment, link_of(work, k), force), force)
+    carry_bias(rows, const, work, tau)

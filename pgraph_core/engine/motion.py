@@ -16,6 +16,7 @@ from .constraints.constraints import drift, driven_power, impose, located, proje
 from .drives import drive, elastic
 from .loads import (
     apply_loads,
+    arms_of_loads,
     collect_loads,
     count_of_loads,
     elastic_loads,
@@ -283,6 +284,18 @@ def load_tensions(scene, t, q, v, out):
     positions(data.rows, work)
     velocities(data.rows, data.const, work, v, space.linear)
     measure_loads(data.loads, work, space.linear, q, t, out, 0)
+
+
+@kernel(void(i8, F1, F1, F1, F2), later=True)
+def path_arms(scene, q, still, lengths, arms):
+    """Compute the lengths of all loads along paths (n,) and their moment arms -dL/dq (n, nv).
+
+    `still` (nv,) are zeros.
+    """
+    data = opened(scene)
+    outboard(data.rows, data.const, data.work, q, still)
+    positions(data.rows, data.work)
+    arms_of_loads(data.rows, data.const, data.loads, data.work, lengths, arms, 0)
 
 
 @kernel(void(i8, F1, F1, F1))

@@ -13,22 +13,24 @@ forces of its tension follow from the material points there.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from ..engine.compiler.elementary import atan2
-from ..engine.compiler.jit import kernel, part, sweep
-from ..engine.compiler.kinds import F1, f8, i8, read
-from ..engine.compiler.masks import both, chosen, either, larger, more, most
+from ..engine.compiler.elementary import atan2, sine_cosine
+from ..engine.compiler.jit import part, sweep
+from ..engine.compiler.masks import any_of, both, chosen, either, larger, more, most, smaller
 from ..engine.records import INTEGER, REAL
-from ..engine.vec import add_scaled, cross, dot, load3, scale, store3, sub
+from ..engine.vec import add_scaled, cross, dot, scale, sub
 from ..rotation import Array, unit_vector
 from ..tolerances import EPS, SOLVED, TINY
 
 POINT, SPHERE, CYLINDER = range(3)
-SHORTER, BESIDE = range(2)  # the way on the shorter side, or that on the side of a point
+LAST_OBSTACLE = CYLINDER
+# the way on the shorter side, that on the side of a point, or the one through the obstacle
+SHORTER, BESIDE, THROUGH = range(3)
 TURN = 2.0 * math.pi
+MOST_MEETING = 64  # halvings of an angle below rounding
 DRAWN = 0.2  # rad between drawn points of an arc: chords within 0.5 % of the radius
 NONE = np.zeros(3)
 
@@ -143,50 +145,75 @@ def around(shape, sided, radius, axis, side, a, b):
     )
 
 
-@kernel(f8(i8, i8, f8, *[read(F1)] * 4, F1))
-def path_around(shape, sided, radius, axis, side, a, b, out):
-    """Compute `around` for vectors (3,) into `out` (13,), except whether the path is free.
+@part
+def slope_to(far, radius, angle, square_of_tangent):
+    """Return the slope and the bend, by an angle, of the distance from a point to one of a circle.
 
-    Returns 1 if it is free of the obstacle, or else 0.
+    The point is `far` from the centre, and the other one at an angle from its direction.
     """
-    axis, side, a, b = load3(axis, 0), load3(side, 0), load3(a, 0), load3(b, 0)
-    free, length, start, first, last, stop = around(shape, sided, radius, axis, side, a, b)
-    out[0] = length
-    store3(out, 1, start)
-    store3(out, 4, first)
-    store3(out, 7, last)
-    store3(out, 10, stop)
-    return free
+    s, c = sine_cosine(angle)
+    apart = math.sqrt(square_of_tangent + 2.0 * far * radius * (1.0 - c) + TINY)
+    slope = far * radius * s / apart
+    return slope, (far * radius * c - slope * slope) / apart
 
 
-class Past(NamedTuple):
-    """The shortest path between two points past an obstacle, in the axes of the points [m]."""
+@sweep
+def through(shape, radius, axis, a, b):
+    """Return the shortest path from a to b that meets an obstacle at the origin, as `around`.
 
-    length: float
-    free: bool  # it does not touch the obstacle
-    first: Array  # (3,) points at which it touches the obstacle, or its middle
-    last: Array
-    arc: Array  # (n, 3) points along the obstacle from the first to the last
-
-
-def past_obstacle(via: Any, turn: Array, a: Array, b: Array) -> Past:
-    """Return the path from a to b [m], relative to the centre of an obstacle.
-
-    `turn` (3, 3) is the orientation of its body.
+    It touches the obstacle at one point, where it makes equal angles with it. There the slope of
+    its length by the angle from a is zero. It is free where the straight line meets the obstacle.
     """
-    given = obstacle_of(via)
-    axis, side = turn @ given["axis"], turn @ given["side"]
-    out = np.empty(13)
-    a, b = np.ascontiguousarray(a, float), np.ascontiguousarray(b, float)
-    free = path_around(given["shape"], given["sided"], via.radius, axis, side, a, b, out)
-    length, (start, first, last, _) = float(out[0]), out[1:].reshape(4, 3)
-    if free:
-        return Past(length, True, first, last, first[None])
-    along = length - float(np.linalg.norm(first - a) + np.linalg.norm(last - b))
-    return Past(length, False, first, last, _arc(via.radius, axis, start, first, along))
+    u = normal_of_plane(a, b, a) if shape == SPHERE else axis
+    begin, end = dot(u, a), dot(u, b)
+    p, q = add_scaled(a, -begin, u), add_scaled(b, -end, u)
+    far_p, far_q = math.sqrt(dot(p, p) + TINY), math.sqrt(dot(q, q) + TINY)
+    across = dot(u, cross(p, q))
+    turns = chosen(most(0.0, across), 1.0, -1.0)
+    whole = atan2(turns * across, dot(p, q))
+    _, _, ahead_p = tangent(p, u, 1.0, radius)
+    _, _, ahead_q = tangent(q, u, 1.0, radius)
+    low, high = larger(whole - ahead_q, 0.0), smaller(whole, ahead_p)
+    near_p, near_q = (far_p - radius) * (far_p - radius), (far_q - radius) * (far_q - radius)
+    angle = 0.5 * (low + high)
+    for _ in range(MOST_MEETING):
+        slope_p, bend_p = slope_to(far_p, radius, angle, near_p)
+        slope_q, bend_q = slope_to(far_q, radius, whole - angle, near_q)
+        slope = slope_p - slope_q
+        low = chosen(most(slope, 0.0), angle, low)
+        high = chosen(most(0.0, slope), angle, high)
+        following = angle - slope / (bend_p + bend_q + TINY)
+        outside = either(more(low, following), more(following, high))
+        step = chosen(outside, 0.5 * (low + high), following) - angle
+        angle = angle + step
+        if not any_of(more(abs(step), SOLVED * SOLVED)):
+            break
+    s, c = sine_cosine(angle)
+    out = unit(p)
+    touch = add_scaled(scale(radius * c, out), radius * s * turns, cross(u, out))
+    before, after = sub(touch, p), sub(q, touch)
+    reach_p, reach_q = math.sqrt(dot(before, before) + TINY), math.sqrt(dot(after, after) + TINY)
+    rise = end - begin
+    height = begin + rise * reach_p / (reach_p + reach_q)
+    touch = add_scaled(touch, height, u)
+    before, after = sub(touch, a), sub(b, touch)
+    length_a = math.sqrt(dot(before, before) + TINY)
+    length_b = math.sqrt(dot(after, after) + TINY)
+    apart = sub(b, a)
+    straight = math.sqrt(dot(apart, apart) + TINY)
+    ahead, middle = scale(1.0 / straight, apart), add_scaled(a, 0.5, apart)
+    free = either(most(ahead_p + ahead_q, whole), either(is_inside(p, radius), is_inside(q, radius)))
+    return (
+        free,
+        chosen(free, straight, length_a + length_b),
+        picked(free, ahead, scale(1.0 / length_a, before)),
+        picked(free, middle, touch),
+        picked(free, middle, touch),
+        picked(free, ahead, scale(1.0 / length_b, after)),
+    )
 
 
-def _arc(radius: float, axis: Array, start: Array, first: Array, length: float) -> Array:
+def arc_of(radius: float, axis: Array, start: Array, first: Array, length: float) -> Array:
     """Return points of a helix of a length, from `first` in direction `start`."""
     u = axis if axis.any() else np.cross(first, start) / radius
     ahead, out = start - (u @ start) * u, first - (u @ first) * u
@@ -197,6 +224,12 @@ def _arc(radius: float, axis: Array, start: Array, first: Array, length: float) 
     return circle + (u @ first + s * length * (u @ start)) * u
 
 
+def follow_each_other(vias: Any) -> bool:
+    """Check whether records VIA contain two obstacles in a row."""
+    is_round = (vias["shape"] > POINT) & (vias["shape"] <= LAST_OBSTACLE)
+    return bool((is_round[1:] & is_round[:-1]).any())
+
+
 def obstacle_of(via: Any) -> dict[str, Any]:
     """Return the numbers of an obstacle, or of a point, in the axes of its body."""
     if via.radius is None:
@@ -204,7 +237,7 @@ def obstacle_of(via: Any) -> dict[str, Any]:
     side = NONE if via.side is None else np.subtract(via.side, via.point)
     return {
         "shape": SPHERE if via.axis is None else CYLINDER,
-        "sided": SHORTER if via.side is None else BESIDE,
+        "sided": THROUGH if via.inner else SHORTER if via.side is None else BESIDE,
         "radius": via.radius,
         "axis": NONE if via.axis is None else unit_vector(via.axis),
         "side": side,

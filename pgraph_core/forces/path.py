@@ -15,11 +15,12 @@ import numpy as np
 from pydantic import model_validator
 
 from ..engine.compiler.jit import part
-from ..engine.rows import point_of, point_velocity, rotation_of
-from ..engine.vec import add, dot, mul, scale, sub, xyz
+from ..engine.rows import point_of, point_velocity
+from ..engine.vec import dot, scale, sub, xyz
 from ..errors import shown
 from ..fields import (
     AtPoint,
+    Flag,
     Frozen,
     Number,
     Text,
@@ -35,7 +36,8 @@ from ..rotation import Array
 from ..tolerances import TINY
 from ..units import M
 from .base import Action, Between, Places, opposed
-from .obstacles import POINT, Past, around, past_obstacle
+from .obstacle_rows import Past, end_of_way, past, past_obstacles, settle, start_of_way
+from .obstacles import POINT
 
 Place = tuple[str, Sequence[float]]  # a body and a point in its axes [m]
 
@@ -45,10 +47,11 @@ class Via(Frozen):
 
     With a `radius`, `point` is the centre of a sphere, or with an `axis` that of a cylinder. The
     path touches it without friction, on its shorter side or on that of the point `side`, and leaves
-    it where it is straight without it.
+    it where it is straight without it. If it is `inner`, the path leads through it as through a
+    ring, and is straight where the straight line meets it.
     """
 
-    FOLLOWERS: ClassVar[dict[str, tuple[str, ...]]] = {"radius": ("axis", "side")}
+    FOLLOWERS: ClassVar[dict[str, tuple[str, ...]]] = {"radius": ("axis", "side", "inner")}
 
     body: Text = field("the name of a body, or 'ground'", label="Body")
     point: Vec3 = field(
@@ -69,14 +72,21 @@ class Via(Frozen):
         converter=maybe_vector, default=None, dim=M, role="point", since=9,
         help="point on whose side the path lies; default: the shorter side",
     )  # fmt: skip
+    inner: Flag = field(
+        "true or false", default=False, since=9,
+        help="the path leads through the obstacle, as through a ring",
+    )  # fmt: skip
 
     @model_validator(mode="after")
     def _round(self) -> Self:
         refuse_no_direction(axis=self.axis)
-        given = [name for name in ("axis", "side") if getattr(self, name) is not None]
+        given = [name for name in ("axis", "side", "inner") if getattr(self, name) not in (None, False)]
         if self.radius is None and given:
             text = "belongs to an obstacle; give its radius [m], such as radius=0.02, or leave it"
             refuse([(given[0], f"{text} out for a point")])
+        if self.inner and self.side is not None:
+            text = "is of a path past an obstacle, and this one is `inner`; leave one of them out"
+            refuse([("side", text)])
         if self.side is not None and self.side == self.point:
             text = "must not be the centre of the obstacle; give a point on the side on which the "
             refuse([("side", f"{text}path lies, got {shown(self.side)}")])
@@ -118,12 +128,13 @@ class BetweenPoints(AtPoint, Between):
         return {**data, "via": [place(x) for x in via]}
 
     @model_validator(mode="after")
-    def _apart(self) -> Self:
+    def _rings_between_points(self) -> Self:
         round_ = [via.radius is not None for via in self.via]
-        for k, pair in enumerate(itertools.pairwise(round_), start=1):
-            if all(pair):
-                text = f"points {k} and {k + 1} are obstacles that follow each other; put a point "
-                refuse([("via", f"{text}without a radius between them, through which it passes")])
+        for k, (one, two) in enumerate(itertools.pairwise(self.via), start=1):
+            if all(round_[k - 1 : k + 1]) and (one.inner or two.inner):
+                text = f"points {k} and {k + 1} are obstacles that follow each other, and one of "
+                text += "them is `inner`; put a point without a radius between them, through which "
+                refuse([("via", f"{text}the path passes")])
         return self
 
     def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
@@ -145,15 +156,15 @@ def path_of(f: BetweenPoints, body: Any) -> list[Place]:
     return [(f.body, own), *((via.body, via.point) for via in f.via), (f.other, other)]
 
 
-def legs_of(f: BetweenPoints, body: Any) -> Iterator[tuple[Place, Via | None, Place]]:
-    """Yield (point, obstacle or None, next point) of a path, with points as in `path_of`."""
-    start, past = path_of(f, body)[0], None
+def legs_of(f: BetweenPoints, body: Any) -> Iterator[tuple[Place, tuple[Via, ...], Place]]:
+    """Yield (point, obstacles, next point) of a path, with points as in `path_of`."""
+    start, past = path_of(f, body)[0], list[Via]()
     for via, place in zip((*f.via, None), path_of(f, body)[1:]):
         if via is not None and via.radius is not None:
-            past = via
+            past.append(via)
         else:
-            yield start, past, place
-            start, past = place, None
+            yield start, tuple(past), place
+            start, past = place, []
 
 
 def pack_points(f: BetweenPoints, one: Any, at: Places) -> float:
@@ -162,9 +173,9 @@ def pack_points(f: BetweenPoints, one: Any, at: Places) -> float:
     one["point_a"], one["point_b"] = at.in_row(f.body, own), at.in_row(f.other, other)
     first, *others = (
         float(np.linalg.norm(at.at_start(*p) - at.at_start(*q)))
-        if via is None
-        else _past(via, at.at_start, at.turn_at_start, p, q)[0].length
-        for p, via, q in legs_of(f, at.body(f.body))
+        if not past
+        else sum(x.length for x in ways_past(past, at.at_start, at.turn_at_start, p, q)[0])
+        for p, past, q in legs_of(f, at.body(f.body))
     )
     return sum(others, first)
 
@@ -176,20 +187,25 @@ def lines_of(
 
     `at(body, point)` returns a point in world axes [m], and `turn(body)` an orientation (3, 3).
     """
-    for p, via, q in legs_of(f, body):
-        if via is None or (found := _past(via, at, turn, p, q))[0].free:
-            yield np.array([at(*p), at(*q)]), False
-        else:
-            past, centre = found
-            yield np.array([at(*p), centre + past.first]), False
-            yield centre + past.arc, True
-            yield np.array([centre + past.last, at(*q)]), False
+    for p, past, q in legs_of(f, body):
+        begin = at(*p)
+        for way in ways_past(past, at, turn, p, q)[0] if past else ():
+            if not way.free:
+                yield np.array([begin, way.first]), False
+                yield way.arc, True
+                begin = way.last
+        yield np.array([begin, at(*q)]), False
 
 
-def _past(via: Via, at: Any, turn: Any, p: Place, q: Place) -> tuple[Past, Array]:
-    """Return the path from p to q past an obstacle, relative to its centre, and the centre."""
-    centre = at(via.body, via.point)
-    return past_obstacle(via, turn(via.body), at(*p) - centre, at(*q) - centre), centre
+def ways_past(
+    past: Sequence[Via], at: Any, turn: Any, p: Place, q: Place
+) -> tuple[list[Past], float]:
+    """Return the parts of a path from p to q, one past each obstacle, and its largest kink.
+
+    The kink is the length of the difference of unit vectors where parts meet, 0 in a shortest path.
+    """
+    places = [(turn(via.body), at(via.body, via.point)) for via in past]
+    return past_obstacles(past, places, at(*p), at(*q))
 
 
 @part
@@ -223,22 +239,29 @@ def is_obstacle(one, vias, n):
 
 @part
 def end_of(one, vias, n, work):
-    """Return (number, row, body, point) of the point at the end of a leg with element n."""
-    last = n + 1 if is_obstacle(one, vias, n) else n
+    """Return (number, row, body, point) of the point at the end of a leg that begins with element
+    n."""
+    last = n
+    while is_obstacle(one, vias, last):
+        last += 1
     b, body, q = next_of(one, vias, last, work)
     return last, b, body, q
 
 
 @part
-def past(via, work, p, q):
-    """Return `around` from p to q, with points in world coordinates."""
-    c = point_of(xyz(via.point), work, via.row)
-    turn = rotation_of(work, via.row)
-    axis, side = mul(turn, xyz(via.axis)), mul(turn, xyz(via.side))
-    free, length, start, first, last, stop = around(
-        via.shape, via.sided, via.radius, axis, side, sub(p, c), sub(q, c)
-    )
-    return free, length, start, add(c, first), add(c, last), stop
+def settled(one, vias, n, end, work, p, q):
+    """Divide the leg from p to q between its obstacles, if it has several."""
+    if end > n + 1:
+        settle(one.first_via + n, end - n, one.room + n, vias, work, p, q)
+
+
+@part
+def way_past(one, vias, n, end, m, work, p, q):
+    """Return `past` for obstacle m of the leg from p to q with the elements n to `end` - 1."""
+    room = one.room + n
+    begin = start_of_way(m - n, room, work, p)
+    after = end_of_way(m - n, end - n, room, work, q)
+    return past(vias[one.first_via + m], work, begin, after)
 
 
 @part
@@ -265,11 +288,17 @@ def leg(one, vias, n, work, linear, a, p):
     if end == n:
         d, length, rate = span(work, linear, a, p, b, q)
         return end, b, body, q, length, rate, d
-    via = vias[one.first_via + n]
-    _, length, start, first, last, stop = past(via, work, p, q)
-    d = scale(-1.0, start)
-    rate = rate_of(work, linear, d, a, p, via.row, first)
-    rate += rate_of(work, linear, scale(-1.0, stop), via.row, last, b, q)
+    settled(one, vias, n, end, work, p, q)
+    _, length, start, first, last, stop = way_past(one, vias, n, end, n, work, p, q)
+    d, c = scale(-1.0, start), vias[one.first_via + n].row
+    rate = rate_of(work, linear, d, a, p, c, first)
+    for m in range(n + 1, end):
+        _, more, start, first, after, ahead = way_past(one, vias, n, end, m, work, p, q)
+        e = vias[one.first_via + m].row
+        rate += rate_of(work, linear, scale(-1.0, start), c, last, e, first)
+        length += more
+        c, last, stop = e, after, ahead
+    rate += rate_of(work, linear, scale(-1.0, stop), c, last, b, q)
     return end, b, body, q, length, rate, d
 
 
@@ -298,7 +327,11 @@ def leg_length(one, vias, n, work, p):
     if end == n:
         _, length = along(p, q)
     else:
-        _, length, _, _, _, _ = past(vias[one.first_via + n], work, p, q)
+        settled(one, vias, n, end, work, p, q)
+        _, length, _, _, _, _ = way_past(one, vias, n, end, n, work, p, q)
+        for m in range(n + 1, end):
+            _, more, _, _, _, _ = way_past(one, vias, n, end, m, work, p, q)
+            length += more
     return end, q, length
 
 
@@ -312,6 +345,27 @@ def length_of(one, vias, work):
     return length
 
 
+def drawn(push: Any) -> Any:
+    """Return the function that pulls the ends of a leg, and its obstacles, towards each other."""
+    both = opposed(push)
+
+    @part
+    def draw(to, one, vias, n, end, work, a, body_a, p, b, body_b, q, d, tension):
+        none = (0.0, 0.0, 0.0)
+        if end > n:
+            c, body_c, x, away = a, body_a, p, d
+            for m in range(n, end):
+                via = vias[one.first_via + m]
+                _, _, start, first, last, stop = way_past(one, vias, n, end, m, work, p, q)
+                both(to, c, body_c, x, via.row, via.body, first, none, scale(tension, start))
+                c, body_c, x, away = via.row, via.body, last, stop
+            both(to, c, body_c, x, b, body_b, q, none, scale(tension, away))
+        else:
+            both(to, a, body_a, p, b, body_b, q, none, scale(-tension, d))
+
+    return draw
+
+
 def on_path(pull: Any, energy: Any) -> Action:
     """Return the wrenches of a tension along a path.
 
@@ -320,19 +374,7 @@ def on_path(pull: Any, energy: Any) -> Action:
     """
 
     def onto(push):
-        both = opposed(push)
-
-        @part
-        def draw(to, one, vias, n, work, a, body_a, p, b, body_b, q, d, tension):
-            """Pull the ends of a leg, and the obstacle between them, towards each other."""
-            none = (0.0, 0.0, 0.0)
-            if is_obstacle(one, vias, n):
-                via = vias[one.first_via + n]
-                _, _, start, first, last, stop = past(via, work, p, q)
-                both(to, a, body_a, p, via.row, via.body, first, none, scale(tension, start))
-                both(to, via.row, via.body, last, b, body_b, q, none, scale(tension, stop))
-            else:
-                both(to, a, body_a, p, b, body_b, q, none, scale(-tension, d))
+        draw = drawn(push)
 
         @part
         def exert(one, knots, vias, work, linear, at_q, t, to):
@@ -340,12 +382,12 @@ def on_path(pull: Any, energy: Any) -> Action:
             n, b, body_b, q, length, rate, d = leg(one, vias, 0, work, linear, a, p)
             length, rate = with_the_rest(one, vias, work, linear, n, b, q, length, rate)
             tension, put_in, lost = pull(one, knots, length, rate, t)
-            draw(to, one, vias, 0, work, a, body_a, p, b, body_b, q, d, tension)
+            draw(to, one, vias, 0, n, work, a, body_a, p, b, body_b, q, d, tension)
             while n < one.vias:
                 a, body_a, p, begun = b, body_b, q, n + 1
                 n, b, body_b, q = end_of(one, vias, begun, work)
                 d, _ = along(p, q)
-                draw(to, one, vias, begun, work, a, body_a, p, b, body_b, q, d, tension)
+                draw(to, one, vias, begun, n, work, a, body_a, p, b, body_b, q, d, tension)
             return put_in, lost
 
         return exert
@@ -360,4 +402,23 @@ def on_path(pull: Any, energy: Any) -> Action:
         force, _, _ = pull(one, knots, length, rate, t)
         return force, length, rate
 
-    return Action(onto, stored, tension)
+    def unit(push):
+        draw = drawn(push)
+
+        @part
+        def pulled(one, vias, work, to):
+            a, body_a, p = one.row_a, one.body_a, first_of(one, work)
+            n, total = -1, 0.0 * p[0]
+            while n < one.vias:
+                begun = n + 1
+                n, b, body_b, q = end_of(one, vias, begun, work)
+                _, _, length = leg_length(one, vias, begun, work, p)
+                d, _ = along(p, q)
+                draw(to, one, vias, begun, n, work, a, body_a, p, b, body_b, q, d, 1.0)
+                total += length
+                a, body_a, p = b, body_b, q
+            return total
+
+        return pulled
+
+    return Action(onto, stored, tension, unit)

@@ -271,7 +271,7 @@ def path_problems(f: Force, where: str, bodies: Bodies) -> list[Problem]:
     points = [k for k, via in enumerate(f.via, start=1) if via.radius is None]
     names = ["point", *(f"point {k} of via" for k in points), "other_point"]
     for k, ((one, a), past, (two, b)) in enumerate(legs_of(f, body)):
-        if past is None and one == two and tuple(a) == tuple(b):
+        if not past and one == two and tuple(a) == tuple(b):
             text = f"{names[k]} and {names[k + 1]} are the same point {shown(tuple(a))} of '{one}'"
             found.append(Problem(where, "via", f"{text}; take one of them out or move it"))
     return found

@@ -127,6 +127,7 @@ def _loads(kind: Load, ours: Sequence[OnBody], at: Placed) -> tuple[Any, Array, 
         knots.append(own)
         own = at.vias(f)
         one["first_via"], one["vias"] = len(places), len(own)
+        one["room"] = len(at.packed.rows)
         places += own
     return found, np.concatenate(knots), rows_of(VIA, places)
 

@@ -45,9 +45,9 @@ def within(
         return origin + turned(name) @ np.asarray(point)
 
     for f in forces:
-        for p, via, q in legs_of(f, mech.model.body(f.body)):
-            for name, point in (p, q) if via is not None else ():
-                assert via is not None, "it has ends"
+        for p, past, q in legs_of(f, mech.model.body(f.body)):
+            ends = ((past[0], p), (past[-1], q)) if past else ()
+            for via, (name, point) in ends:
                 if _is_within(via, turned(via.body), at(name, point) - at(via.body, via.point)):
                     yield f, via, name
 

@@ -227,7 +227,7 @@ def _coincide(mech: Mechanism, f: BetweenPoints, q: Array) -> bool:
         return place + turn @ np.asarray(point)
 
     legs = legs_of(f, mech.model.body(f.body))
-    ends = ((at(*one), at(*two)) for one, past, two in legs if past is None)
+    ends = ((at(*one), at(*two)) for one, past, two in legs if not past)
     return any(
         np.abs(a - b).max() <= ROUNDING * max(np.abs(a).max(), np.abs(b).max()) for a, b in ends
     )
