@@ -282,8 +282,15 @@ ROWS = [
         {"body": "ball", "point": [0, 0, 0], "radius": 1, "axis": [0, 0, 0]}]),
     force("spring", "via", "side", "centre", "[0.0, 0.0, 0.0]", via=[
         {"body": "ball", "point": [0, 0, 0], "radius": 1, "side": [0, 0, 0]}]),
-    force("spring", "via", "points 1 and 2", "obstacles", "between", via=[
-        {"body": "ball", "point": [0, 0, 0], "radius": 1},
+    force("spring", "via", "side", "inner", via=[
+        {"body": "ball", "point": [0, 0, 0], "radius": 1, "side": [0, 0, 1], "inner": True}]),
+    force("spring", "via", "inner", "obstacle", "radius", via=[
+        {"body": "ball", "point": [0, 0, 0], "inner": True}]),
+    force("spring", "via", "points 1 and 2", "obstacles", "inner", "between", via=[
+        {"body": "ball", "point": [0, 0, 0], "radius": 1, "inner": True},
+        {"body": "arm", "point": [0, 0, 0], "radius": 1}]),
+    force("spring", "via", "points 1 and 2", "side", "axis", "jump", via=[
+        {"body": "ball", "point": [0, 0, 0], "radius": 1, "axis": [0, 0, 1]},
         {"body": "arm", "point": [0, 0, 0], "radius": 1}]),
     force("spring", "high", "via", "Strut", high=2, via=[{"body": "ball", "point": [0, 0, 0]}]),
     force("torsion", "axis", "zero", "[0.0, 0.0, 0.0]", axis=[0, 0, 0]),

@@ -55,7 +55,7 @@ from .obstacles import BESIDE, SPHERE, THROUGH, arc_of, around, obstacle_of, pic
 
 # columns of a row of the workspace, for a point between two obstacles
 PLACE, STEP, RIGHT, MIDDLE, AHEAD = 0, 3, 6, 9, 12
-GATHERINGS = 4  # rounds that only move points to the middle of their lines
+GATHERINGS = 2  # rounds that only move points to the middle of their lines
 MOST_ROUNDS = 60  # of Newton's method, whose steps are halved where a path gets longer
 LAST_ROUNDS = 2  # after a path that is straight to SOLVED: its error is below rounding
 

@@ -128,13 +128,19 @@ class BetweenPoints(AtPoint, Between):
         return {**data, "via": [place(x) for x in via]}
 
     @model_validator(mode="after")
-    def _rings_between_points(self) -> Self:
-        round_ = [via.radius is not None for via in self.via]
-        for k, (one, two) in enumerate(itertools.pairwise(self.via), start=1):
-            if all(round_[k - 1 : k + 1]) and (one.inner or two.inner):
-                text = f"points {k} and {k + 1} are obstacles that follow each other, and one of "
-                text += "them is `inner`; put a point without a radius between them, through which "
-                refuse([("via", f"{text}the path passes")])
+    def _passes_in_a_row(self) -> Self:
+        """Refuse a ring beside an obstacle, and a cylinder there whose side may change."""
+        for k, pair in enumerate(itertools.pairwise(self.via), start=1):
+            if None in (pair[0].radius, pair[1].radius):
+                continue
+            text = f"points {k} and {k + 1} are obstacles that follow each other, and one of them "
+            if any(via.inner for via in pair):
+                text += "is `inner`; put a point without a radius between them, through which the "
+                refuse([("via", f"{text}path passes")])
+            if any(via.axis is not None and via.side is None for via in pair):
+                text += "has an axis but no side, so that the length may jump from one side to the "
+                text += "other; give it a `side`, such as [0, 0, 0.1], or put a point between them"
+                refuse([("via", text)])
         return self
 
     def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:

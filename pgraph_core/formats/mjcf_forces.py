@@ -328,8 +328,6 @@ class Forces:
         if any(m.wrap_type[w] == PULLEY for w in parts):
             return "a tendon with pulleys"
         around = [w for w in parts if m.wrap_type[w] != SITE]
-        if any(self._inside(w) for w in around):
-            return "a tendon inside a geom, with its sidesite in it"
         sides = [int(m.wrap_prm[w]) for w in around]
         bodies = (m.geom_bodyid[m.wrap_objid[w]] for w in around)
         if any(s >= 0 and m.site_bodyid[s] != b for s, b in zip(sides, bodies)):
@@ -351,18 +349,20 @@ class Forces:
         given: dict[str, Any] = {"radius": float(m.geom_size[g, 0])}
         if m.wrap_type[w] == CYLINDER:
             given["axis"] = tuple(matrix(m.geom_quat[g])[:, 2].tolist())
-        if side >= 0:
+        if self._inside(w):
+            given["inner"] = True
+        elif side >= 0:
             given["side"] = self._via(b, m.site_pos[side]).point
         return self._via(b, m.geom_pos[g], **given)
 
     def _inside(self, w: int) -> bool:
-        """Check whether a sidesite lies in its geom, so that the tendon goes through it."""
+        """Check whether a sidesite lies within the radius of its geom, so that the tendon goes
+        through it."""
         m, g, side = self.m, int(self.m.wrap_objid[w]), int(self.m.wrap_prm[w])
         if side < 0:
             return False
-        apart = matrix(m.geom_quat[g]).T @ (m.site_pos[side] - m.geom_pos[g])
-        across = apart[: 2 if m.wrap_type[w] == CYLINDER else 3]
-        return bool(np.linalg.norm(across) < m.geom_size[g, 0])
+        apart = m.site_pos[side] - m.geom_pos[g]  # of a cylinder, too
+        return bool(np.linalg.norm(apart) < m.geom_size[g, 0])
 
     def _actuator(self, a: int, name: str) -> Force | None:
         """Return the force of an actuator, gear x (gain u + b0 + b1 length + b2 rate)."""

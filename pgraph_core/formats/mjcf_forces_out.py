@@ -7,16 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..forces import (
-    BetweenPoints,
-    Driven,
-    LinearActuator,
-    OnJoint,
-    Strut,
-    Via,
-    ends_of,
-    path_of,
-)
+from ..forces import BetweenPoints, OnJoint, Strut, Via, ends_of, legs_of, path_of
 from ..forces.strut import bends
 from ..model import Body, Drag, Model, Spring, Tendon, Wrench
 from ..rotation import frame_of, matrix, quaternion_of, unit, unit_vector
@@ -40,7 +31,10 @@ class ForcesOut(Places):
     def _passive(self) -> None:
         """Write springs, tendons and the paths of actuators."""
         for f in self.model.forces:
-            if isinstance(f, Spring) and not f._varies:
+            if any(len(past) > 1 for past in self._obstacles(f)):
+                text = "a path over obstacles without a point between them"
+                self.out(f"force '{f.name}'", text)
+            elif isinstance(f, Spring) and not f._varies:
                 limits = {"range": span(f.low or 0.0, f.high)} if any(ends_of(f)) else {}
                 numbers = {"stiffness": f.stiffness, "damping": f.damping}
                 self._spatial(f, **numbers, springlength=self.rests[f.name], **limits)
@@ -51,8 +45,13 @@ class ForcesOut(Places):
             elif isinstance(f, Tendon):
                 self._tendon(f)
 
-    def _spatial(self, f: BetweenPoints, **given: Any) -> str:
-        """Write the tendon of a force along a path, and return its name."""
+    def _obstacles(self, f: Any) -> Iterator[tuple[Via, ...]]:
+        """Yield the obstacles of each leg of a path."""
+        legs = legs_of(f, self.model.body(f.body)) if isinstance(f, BetweenPoints) else ()
+        return (past for _, past, _ in legs)
+
+    def _spatial(self, f: Spring | Strut, **given: Any) -> None:
+        """Write the tendon of a force along a path."""
         body = self.model.body(f.body)
         start, *_, end = path_of(f, body)
         places = [(None, start), *((via, (via.body, via.point)) for via in f.via), (None, end)]
@@ -77,7 +76,9 @@ class ForcesOut(Places):
         geom.set(contype="0", conaffinity="0")
         self.sites.setdefault(body, []).append(geom)
         tag = Tag("geom", geom=geom.attributes["name"])
-        if via.side is not None:
+        if via.inner:
+            tag.set(sidesite=self._site(body, f"{name} side", point))
+        elif via.side is not None:
             tag.set(sidesite=self._site(body, f"{name} side", outside(via)))
         return tag
 

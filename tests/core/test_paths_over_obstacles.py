@@ -1,0 +1,121 @@
+"""Paths over obstacles in a row and through rings: closed forms, laws of lengths and moment arms."""
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+
+UP = (0, 0, 1)
+CALM = {"method": "dop853", "rtol": 1e-11, "estimate": False}
+
+
+def stand(*vias, point=(3.0, -1.0, 0.0), other_point=(-3.0, -1.0, 0.0)):
+    """A carriage on three sliders, with a path from the ground to it."""
+    axes = np.eye(3)
+    bodies = [
+        pg.Body(name=n, parent=p, joint="prismatic", axes=(a,), mass=1.0)
+        for n, p, a in zip("xyz", ("ground", "x", "y"), axes)
+    ]
+    path = pg.Spring(name="s", body="z", point=point, other_point=other_point, via=vias,
+                     stiffness=20.0, rest=1.0)  # fmt: skip
+    return pg.Mechanism(pg.Model(bodies=bodies, forces=[path], gravity=(0, 0, 0)))
+
+
+def post(x, y, radius, **fields):
+    return {"body": "ground", "point": (x, y, 0.3), "radius": radius, "axis": UP, **fields}
+
+
+def ball(x, y, z, radius, **fields):
+    return {"body": "ground", "point": (x, y, z), "radius": radius, **fields}
+
+
+ABOVE = {"side": (0.0, 90.0, 0.0)}
+BELOW = {"side": (0.0, -90.0, 0.0)}
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("rise", [0.0, 0.8, -2.0])
+def test_a_path_over_two_posts_is_straight_on_their_unrolled_surface(rise):
+    mech = stand(post(1, 0, 0.5, **ABOVE), post(-1, 0, 0.5, **ABOVE))
+    far = np.hypot(2.0, 1.0)
+    steep = np.arcsin(0.5 / far) + np.arctan(0.5)  # of the tangent from an end
+    flat = 2.0 * (np.sqrt(far**2 - 0.25) + 0.5 * steep) + 2.0
+    assert mech.path_length([0, 0, rise])[0] == pytest.approx(np.hypot(flat, rise), rel=1e-13)
+
+
+@pytest.mark.quick
+def test_a_path_between_two_posts_crosses_on_their_inner_tangent():
+    mech = stand(post(1, 0, 0.5, **BELOW), post(-1, 0, 0.5, **ABOVE), point=(3.0, 1.0, 0.0))
+    far = np.hypot(2.0, 1.0)
+    steep = np.arcsin(0.5 / far) + np.arctan(0.5)
+    turned = steep + np.arcsin(0.5)  # the tangent between them falls by asin(2 r / distance)
+    flat = 2.0 * (np.sqrt(far**2 - 0.25) + 0.5 * turned + np.sqrt(0.75))
+    assert mech.path_length(np.zeros(3))[0] == pytest.approx(flat, rel=1e-13)
+
+
+@pytest.mark.quick
+def test_a_path_over_many_balls_of_a_great_circle_is_that_over_their_posts():
+    """All centres and both ends lie in a plane, so that the path does."""
+    places = ((2.0, 0.1, 0.3), (0.7, 0.2, 0.4), (-0.6, 0.0, 0.5), (-1.9, 0.1, 0.2))
+    balls = [ball(x, y, 0.0, r, **ABOVE) for x, y, r in places]
+    posts = [post(x, y, r, **ABOVE) for x, y, r in places]
+    one, two = (stand(*x).path_length(np.zeros(3))[0] for x in (balls, posts))
+    assert one == pytest.approx(two, rel=1e-13)
+    assert one > 6.2
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("axis", [UP, None], ids=["cylinder", "sphere"])
+def test_a_path_through_a_ring_makes_equal_angles_with_it(axis):
+    ring = {"body": "ground", "point": (0, 0, 0), "radius": 0.5, "axis": axis, "inner": True}
+    mech = stand(ring, point=(2.0, 1.5, 0.0), other_point=(-2.0, 1.5, 0.0))
+    lengths = [mech.path_length([0, 0, z])[0] for z in (0.0, 0.6)]
+    assert lengths[0] == pytest.approx(2.0 * np.hypot(2.0, 1.0), rel=1e-13)
+    if axis:
+        assert lengths[1] == pytest.approx(np.hypot(lengths[0], 0.6), rel=1e-13)
+    below = stand(ring, point=(2.0, 0.3, 0.0), other_point=(-2.0, -0.2, 0.0))
+    assert below.path_length(np.zeros(3))[0] == pytest.approx(np.hypot(4.0, 0.5), rel=1e-13)
+
+
+ROWS = {
+    "ring": [post(0.3, -2.0, 0.4, inner=True)],
+    "hoop": [ball(0.3, -2.0, 0.1, 0.4, inner=True)],
+    "posts": [post(1, 0, 0.5, axis=(0.2, 0.1, 1), **ABOVE),
+              post(-0.6, 0.1, 0.6, axis=(0.1, -0.3, 1), **ABOVE)],
+    "balls": [ball(1, -0.6, 0.1, 0.5), ball(-0.6, -0.7, -0.1, 0.6)],
+    "three": [ball(1.2, -0.9, 0.3, 0.5), post(-0.2, -0.6, 0.4, **ABOVE), ball(-1.4, -1.0, -0.1, 0.5)],
+    "sides": [post(1.2, -0.2, 0.5, **ABOVE), post(0.0, -1.8, 0.4, **BELOW),
+              post(-1.2, -0.2, 0.5, **ABOVE)],
+    "two legs": [ball(1.4, -0.9, 0.1, 0.4), post(0.6, -0.8, 0.2, **ABOVE),
+                 {"body": "x", "point": (0, -0.5, 0)}, post(-0.6, -0.9, 0.3, axis=(0.5, 0, 1), **BELOW),
+                 ball(-1.5, -1.1, 0.2, 0.4)],
+}  # fmt: skip
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("row", ROWS)
+def test_moment_arms_are_the_slopes_of_lengths(row):
+    mech, h = stand(*ROWS[row]), 1e-4
+    for q in np.random.default_rng(3).uniform(-0.5, 0.5, (30, 3)):
+        steps = h * np.eye(3)
+        behind, ahead = (mech.path_length(q + s * steps)[:, 0] for s in (-1, 1))
+        far = [mech.path_length(q + 2.0 * s * steps)[:, 0] for s in (-1, 1)]
+        slope = (8.0 * (ahead - behind) - (far[1] - far[0])) / (12.0 * h)
+        bent = np.abs(ahead + behind - 2.0 * mech.path_length(q)[0]).max()
+        if bent < 1e2 * h * h:  # not where it lifts off
+            np.testing.assert_allclose(mech.moment_arms(q)[0], -slope, rtol=0, atol=1e-9)
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize("row", ROWS)
+def test_lengths_go_on_where_paths_lift_off_and_touch_down(row):
+    """A length changes by no more than its end moves, and its slope has no jumps."""
+    mech = stand(*ROWS[row])
+    a, b = np.array((0.1, -1.5, -0.3)), np.array((0.1, 1.5, 0.3))
+    for most, n in ((0.05, 1500), (0.005, 50)):
+        q = a + np.linspace(0.0, 1.0, n + 1)[:, None] * (b - a)
+        lengths, arms = mech.path_length(q)[:, 0], mech.moment_arms(q)[:, 0]
+        assert np.abs(np.diff(lengths)).max() <= np.linalg.norm(b - a) / n * (1 + 1e-9)
+        changes = np.abs(np.diff(arms, axis=0)).max(axis=1)
+        assert changes.max() < most
+        a, b = q[changes.argmax() :][:2]  # it changes most here, by little in each part of it
