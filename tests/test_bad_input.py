@@ -289,7 +289,7 @@ ROWS = [
     force("spring", "via", "points 1 and 2", "obstacles", "inner", "between", via=[
         {"body": "ball", "point": [0, 0, 0], "radius": 1, "inner": True},
         {"body": "arm", "point": [0, 0, 0], "radius": 1}]),
-    force("spring", "via", "points 1 and 2", "side", "axis", "jump", via=[
+    force("spring", "via", "points 1 and 2", "side", "jump", via=[
         {"body": "ball", "point": [0, 0, 0], "radius": 1, "axis": [0, 0, 1]},
         {"body": "arm", "point": [0, 0, 0], "radius": 1}]),
     force("spring", "high", "via", "Strut", high=2, via=[{"body": "ball", "point": [0, 0, 0]}]),

@@ -51,7 +51,7 @@ from ..engine.vec import (
 from ..rotation import Array
 from ..tolerances import EPS, SOLVED, TINY
 from .base import VIA
-from .obstacles import BESIDE, SPHERE, THROUGH, arc_of, around, obstacle_of, picked, through, unit
+from .obstacles import SHORTER, SPHERE, THROUGH, arc_of, around, obstacle_of, picked, through, unit
 
 # columns of a row of the workspace, for a point between two obstacles
 PLACE, STEP, RIGHT, MIDDLE, AHEAD = 0, 3, 6, 9, 12
@@ -61,8 +61,11 @@ LAST_ROUNDS = 2  # after a path that is straight to SOLVED: its error is below r
 
 
 @part
-def past(via, work, p, q):
-    """Return `around` from p to q, with points in world coordinates."""
+def past(via, count, work, p, q):
+    """Return `around` from p to q, with points in world coordinates, for one of `count` in a row.
+
+    In a row, the path lies on that side of a sphere where it began, and may slip to the other one.
+    """
     c = point_of(xyz(via.point), work, via.row)
     turn = rotation_of(work, via.row)
     axis, side = mul(turn, xyz(via.axis)), mul(turn, xyz(via.side))
@@ -70,8 +73,9 @@ def past(via, work, p, q):
     if via.sided == THROUGH:
         free, length, start, first, last, stop = through(via.shape, via.radius, axis, a, b)
     else:
+        sided = SHORTER if count > 1 and via.shape == SPHERE else via.sided
         free, length, start, first, last, stop = around(
-            via.shape, via.sided, via.radius, axis, side, a, b
+            via.shape, sided, via.radius, axis, side, a, b
         )
     return free, length, start, add(c, first), add(c, last), stop
 
@@ -84,20 +88,15 @@ def across(u, x):
 
 @sweep
 def beside(via, work, p, q):
-    """Return a point outside an obstacle, on the side on which the path from p to q lies."""
+    """Return a point of an obstacle in a row on its side, near the line from p to q."""
     c = point_of(xyz(via.point), work, via.row)
     turn = rotation_of(work, via.row)
     u, side = mul(turn, xyz(via.axis)), mul(turn, xyz(via.side))
     begin, ahead = sub(p, c), sub(q, p)
     flat = across(u, ahead)
     s = -dot(flat, across(u, begin)) / (dot(flat, flat) + TINY)
-    near = add_scaled(begin, smaller(larger(s, 0.0), 1.0), ahead)
-    out = across(u, near)
-    far = math.sqrt(dot(out, out) + TINY)
-    grown = larger(via.radius / far, 1.0)
-    if via.sided == BESIDE:
-        grown = chosen(more(0.0, dot(out, side)), -via.radius / far, grown)
-    return add(c, add_scaled(near, grown - 1.0, out))
+    height = dot(u, add_scaled(begin, smaller(larger(s, 0.0), 1.0), ahead))
+    return add(add_scaled(c, height, u), scale(via.radius, unit(across(u, side))))
 
 
 @part
@@ -237,7 +236,7 @@ def eliminated(first, count, room, vias, work, p, q, exact):
     for k in range(count):
         via, begin = vias[first + k], start_of_way(k, room, work, p)
         after = end_of_way(k, count, room, work, q)
-        found = past(via, work, begin, after)
+        found = past(via, count, work, begin, after)
         by_p, by_q, by_both = second_slopes(via, work, begin, after, found, exact)
         total += found[1]
         if k > 0:
@@ -325,7 +324,7 @@ def path_over(vias, p, q, work, out):
         kink = settle(0, count, 1, vias, work, p, q)
     for k in range(count):
         begin, end = start_of_way(k, 1, work, p), end_of_way(k, count, 1, work, q)
-        free, length, start, first, last, stop = past(vias[k], work, begin, end)
+        free, length, start, first, last, stop = past(vias[k], count, work, begin, end)
         out[k, 0], out[k, 1] = free, length
         store(out, k, 2, start)
         store(out, k, 5, first)

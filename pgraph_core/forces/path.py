@@ -129,7 +129,7 @@ class BetweenPoints(AtPoint, Between):
 
     @model_validator(mode="after")
     def _passes_in_a_row(self) -> Self:
-        """Refuse a ring beside an obstacle, and a cylinder there whose side may change."""
+        """Refuse a ring beside an obstacle, and an obstacle there whose side may change."""
         for k, pair in enumerate(itertools.pairwise(self.via), start=1):
             if None in (pair[0].radius, pair[1].radius):
                 continue
@@ -137,10 +137,9 @@ class BetweenPoints(AtPoint, Between):
             if any(via.inner for via in pair):
                 text += "is `inner`; put a point without a radius between them, through which the "
                 refuse([("via", f"{text}path passes")])
-            if any(via.axis is not None and via.side is None for via in pair):
-                text += "has an axis but no side, so that the length may jump from one side to the "
-                text += "other; give it a `side`, such as [0, 0, 0.1], or put a point between them"
-                refuse([("via", text)])
+            if any(via.side is None for via in pair):
+                text += "has no side, so that the length may jump from one side to the other; give "
+                refuse([("via", f"{text}each a `side`, such as [0, 0, 0.1], or put a point between")])
         return self
 
     def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
@@ -267,7 +266,7 @@ def way_past(one, vias, n, end, m, work, p, q):
     room = one.room + n
     begin = start_of_way(m - n, room, work, p)
     after = end_of_way(m - n, end - n, room, work, q)
-    return past(vias[one.first_via + m], work, begin, after)
+    return past(vias[one.first_via + m], end - n, work, begin, after)
 
 
 @part
