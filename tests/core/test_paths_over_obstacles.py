@@ -4,6 +4,10 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.simulation.paths import Path
+
+from .test_gradients import difference
+from .test_paths_of_forces import floating, over
 
 UP = (0, 0, 1)
 CALM = {"method": "dop853", "rtol": 1e-11, "estimate": False}
@@ -63,7 +67,7 @@ def test_a_path_over_many_balls_of_a_great_circle_is_that_over_their_posts():
     ends = {"point": (3.0, 0.3, 0.0), "other_point": (-3.0, 0.25, 0.0)}
     one, two = (stand(*x, **ends).path_length(np.zeros(3))[0] for x in (balls, posts))
     assert one == pytest.approx(two, rel=1e-13)
-    assert one > 6.05
+    assert one > 6.03
 
 
 @pytest.mark.quick
@@ -121,3 +125,90 @@ def test_lengths_go_on_where_paths_lift_off_and_touch_down(row):
         changes = np.abs(np.diff(arms, axis=0)).max(axis=1)
         assert changes.max() < most
         a, b = q[changes.argmax() :][:2]  # it changes most here, by little in each part of it
+
+
+# -- motions ---------------------------------------------------------------------------------------
+
+# beside the path of `floating` from a to c, which touches both balls and the drum there
+ROW = [
+    {"body": "b", "point": (-0.8, 0.25, -0.1), "radius": 0.25, "side": (-5.0, 0.25, 0.0)},
+    {"body": "ground", "point": (0.25, 1.0, 0.2), "radius": 0.3, "axis": (0.2, 0.1, 1.0),
+     "side": (-4.0, 3.0, 0.0)},
+]  # fmt: skip
+RING = [{"body": "b", "point": (-0.9, 0.9, 0.2), "radius": 0.1, "axis": (1, 0.2, 0), "inner": True}]
+
+
+def arm(*vias):
+    """Two links on parallel hinges without gravity, and a spring from the second one to the
+    ground, over obstacles at both hinges."""
+    bodies = [
+        pg.Body(name="upper", joint="revolute", axes=(UP,), mass=1.0, inertia=(0.1, 0.1, 0.1),
+                com=(0.5, 0, 0), q=(0.3,), v=(0.8,)),
+        pg.Body(name="lower", parent="upper", joint="revolute", axes=(UP,), mass=1.0,
+                inertia=(0.1, 0.1, 0.1), link=(1, 0, 0), com=(0.4, 0, 0), q=(-0.9,), v=(-0.5,)),
+    ]  # fmt: skip
+    spring = pg.Spring(name="s", body="lower", point=(0.5, 0.05, 0.02), other_point=(-0.4, 0.1, 0),
+                       via=vias, stiffness=30.0, rest=1.2)  # fmt: skip
+    return pg.Model(bodies=bodies, forces=[spring], gravity=(0, 0, 0))
+
+
+OVER_HINGES = (
+    {"body": "upper", "point": (1, 0, 0.02), "radius": 0.3, "side": (1, -5, 0)},
+    {"body": "ground", "point": (0, 0, 0), "radius": 0.15, "axis": UP, "side": (0, 5, 0)},
+)
+
+
+def test_an_arm_with_a_spring_over_its_hinges_keeps_its_energy():
+    run = pg.simulate(arm(*OVER_HINGES), t_end=10.0, **CALM)
+    total = run.kinetic_energy + run.potential_energy
+    assert np.ptp(run.kinetic_energy) > 0.2
+    assert np.ptp(total) < 1e-9 * total.max()
+
+
+@pytest.mark.parametrize("points", [ROW, RING], ids=["row", "ring"])
+def test_free_bodies_keep_energy_and_momentum(points):
+    run = pg.simulate(floating(over(points)), t_end=0.5, **CALM)
+    scale = run.kinetic_energy.max()
+    assert np.ptp(run.kinetic_energy + run.potential_energy) < 1e-8 * scale
+    assert np.ptp(run.kinetic_energy) > 0.05 * scale
+    if points is RING:  # the row leans on the ground
+        assert np.ptp(run.mechanism.momentum(run.q, run.v), axis=0).max() < 1e-9
+
+
+def test_moment_arms_are_the_torques_of_springs():
+    mech = pg.Mechanism(arm(*OVER_HINGES))
+    q = mech.home()[0]
+    tension = 30.0 * (mech.path_length(q)[0] - 1.2)
+    tau = mech.mass_matrix(q) @ mech.forward_dynamics(q, np.zeros(2))
+    np.testing.assert_allclose(tension * mech.moment_arms(q)[0], tau, rtol=1e-12)
+
+
+@pytest.mark.parametrize("path", ["via.0.radius", "via.1.point.0", "point.1"])
+def test_runs_have_derivatives_by_numbers_of_a_row(path):
+    model, path = arm(*OVER_HINGES), f"forces.s.{path}"
+    how = {"method": "rk4", "step": 2e-3, "t_end": 0.2, "estimate": False, "frames": 3}
+    run = pg.simulate(model, wrt=path, **how)
+    assert (run.q == pg.simulate(model, **how).q).all()
+    given = Path(model, path)
+
+    def state(change):
+        end = pg.simulate(given.set(model, given.present + change), **how)
+        return np.hstack((end.q, end.v))
+
+    expected = difference(state, 2e-5)
+    assert np.abs(expected).max() > 1e-3
+    found = run.sensitivity(path)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("vias", [OVER_HINGES, ()], ids=["row", "ring"])
+def test_instances_in_lanes_move_as_single_runs(vias):
+    ring = {"body": "upper", "point": (0.5, -0.35, 0), "radius": 0.1, "axis": UP, "inner": True}
+    model = arm(*(vias or (ring,)))
+    batch = pg.BatchStepper(model, 5, method="rk4", step=1e-3)
+    v = np.linspace(-0.5, 0.5, 5)[:, None] * np.ones(2)
+    batch.reset(batch.q, v)
+    batch.step(n=100)
+    for n in range(5):
+        run = pg.simulate(model, v=v[n], t_end=0.1, method="rk4", step=1e-3, estimate=False)
+        np.testing.assert_allclose(batch.q[n], run.q[-1], rtol=0, atol=1e-12)
