@@ -109,14 +109,19 @@ class Dynamics(Kinematics):
         with self._lock:
             return motion.energy(address, q, v)
 
+    @property
+    def path_names(self) -> tuple[str, ...]:
+        """The names of all springs and struts, which lie along paths, in model order."""
+        return self._paths.names
+
     @for_each_state
     def path_length(self, q: Array) -> Array:
-        """Return the lengths (n,) [m] of the paths of all springs and struts, in model order."""
+        """Return the lengths (n,) [m] of the paths of all springs and struts, as `path_names`."""
         return self._along_paths(q)[0]
 
     @for_each_state
     def moment_arms(self, q: Array) -> Array:
-        """Return the moment arms of the paths of all springs and struts, in model order.
+        """Return the moment arms of the paths of all springs and struts, as `path_names`.
 
         They are the generalised forces of a tension of 1 N, and exactly -dL/dq of the lengths L. A
         tension T along path i exerts τ = T r[i].

@@ -26,6 +26,7 @@ from .path import BetweenPoints as BetweenPoints
 from .path import Via as Via
 from .path import legs_of as legs_of
 from .path import lines_of as lines_of
+from .path import ways_past as ways_past
 from .path import path_of as path_of
 from .path import points_of as points_of
 from .spring import Spring as Spring

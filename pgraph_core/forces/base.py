@@ -260,9 +260,9 @@ class Action(NamedTuple):
     returns the powers (put in, lost) [W]. For each of its wrenches it calls `push(to, k, body, p,
     torque, force)`: torque and force [N m, N] on a body and its row k at p, world axes.
     `energy(one, knots, vias, work, q)` returns the stored energy [J]. `tension(one, knots, vias,
-    work, linear, q, t)` returns (tension, length, rate) of a path [N, m, m/s]. `unit(push)` returns the
-    function `pulled(one, vias, work, to)`, which pushes as a tension of 1 N would, and returns the
-    length. A kind has None for what it lacks.
+    work, linear, q, t)` returns (tension, length, rate) of a path [N, m, m/s]. `unit(push)` returns
+    the function `pulled(one, vias, work, to)`, which pushes as a tension of 1 N would, and returns
+    the length. A kind has None for what it lacks.
     """
 
     onto: Callable[[Any], Any]

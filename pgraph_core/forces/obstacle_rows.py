@@ -51,7 +51,18 @@ from ..engine.vec import (
 from ..rotation import Array
 from ..tolerances import EPS, SOLVED, TINY
 from .base import VIA
-from .obstacles import SHORTER, SPHERE, THROUGH, arc_of, around, obstacle_of, picked, through, unit
+from .obstacles import (
+    SHORTER,
+    SPHERE,
+    THROUGH,
+    arc_of,
+    around,
+    is_inside,
+    obstacle_of,
+    picked,
+    through,
+    unit,
+)
 
 # columns of a row of the workspace, for a point between two obstacles
 PLACE, STEP, RIGHT, MIDDLE, AHEAD = 0, 3, 6, 9, 12
@@ -61,7 +72,7 @@ LAST_ROUNDS = 2  # after a path that is straight to SOLVED: its error is below r
 
 
 @part
-def past(via, count, work, p, q):
+def passed(via, count, work, p, q):
     """Return `around` from p to q, with points in world coordinates, for one of `count` in a row.
 
     In a row, the path lies on that side of a sphere where it began, and may slip to the other one.
@@ -146,6 +157,12 @@ def outer(s, x, y):
     return add_outer9((z, z, z, z, z, z, z, z, z), scale(s, x), y)
 
 
+@part
+def two_outer(s, x, y, t, z, w):
+    """Return s x yᵀ + t z wᵀ."""
+    return add_outer9(outer(s, x, y), scale(t, z), w)
+
+
 @sweep
 def second_slopes(via, work, p, q, found, exact):
     """Return the second derivatives of the length of a way by its ends: twice by p, twice by q, by
@@ -172,22 +189,28 @@ def second_slopes(via, work, p, q, found, exact):
     n_q = picked(free, n_p, normal_at(via, work, last))
     b_p, b_q = cross(start, n_p), cross(stop, n_q)
     over = 1.0 / length
-    by_p = add9(
-        outer(chosen(free, over, 1.0 / reach_p), n_p, n_p), outer(chosen(free, over, a / b), b_p, b_p)
-    )
-    by_q = add9(
-        outer(chosen(free, over, 1.0 / reach_q), n_q, n_q), outer(chosen(free, over, d / b), b_q, b_q)
-    )
-    by_both = add9(
-        outer(chosen(free, -over, 0.0), n_p, n_q), outer(chosen(free, -over, -1.0 / b), b_p, b_q)
-    )
-    return by_p, by_q, by_both
+    in_p, in_q = chosen(free, over, 1.0 / reach_p), chosen(free, over, 1.0 / reach_q)
+    on_p, on_q = chosen(free, over, a / b), chosen(free, over, d / b)
+    by_p = two_outer(in_p, n_p, n_p, on_p, b_p, b_p)
+    by_q = two_outer(in_q, n_q, n_q, on_q, b_q, b_q)
+    mixed = two_outer(chosen(free, -over, 0.0), n_p, n_q, chosen(free, -over, -1.0 / b), b_p, b_q)
+    return by_p, by_q, mixed
 
 
 @part
 def scaled9(s, m):
     """Return s m for a 3x3 matrix."""
-    return (s * m[0], s * m[1], s * m[2], s * m[3], s * m[4], s * m[5], s * m[6], s * m[7], s * m[8])
+    return (
+        s * m[0],
+        s * m[1],
+        s * m[2],
+        s * m[3],
+        s * m[4],
+        s * m[5],
+        s * m[6],
+        s * m[7],
+        s * m[8],
+    )
 
 
 @part
@@ -236,7 +259,7 @@ def eliminated(first, count, room, vias, work, p, q, exact):
     for k in range(count):
         via, begin = vias[first + k], start_of_way(k, room, work, p)
         after = end_of_way(k, count, room, work, q)
-        found = past(via, count, work, begin, after)
+        found = passed(via, count, work, begin, after)
         by_p, by_q, by_both = second_slopes(via, work, begin, after, found, exact)
         total += found[1]
         if k > 0:
@@ -285,8 +308,9 @@ def moved(count, room, work, back, part_of):
 def settle(first, count, room, vias, work, p, q):
     """Find the points that divide the shortest path from p to q over `count` obstacles in a row.
 
-    They are in `count` - 1 rows of the workspace, from `room` on. Returns the largest kink, squared.
-    A step to a longer path is undone, and a shorter one follows, as if the obstacles were flat.
+    They are in `count` - 1 rows of the workspace, from `room` on. Returns the largest kink,
+    squared. A step to a longer path is undone, and a shorter one follows, as if the obstacles were
+    flat.
     """
     placed_between(first, count, room, vias, work, p, q)
     none = 0.0 * p[0]
@@ -313,18 +337,23 @@ def settle(first, count, room, vias, work, p, q):
 
 @kernel(f8(read(array_of(VIA)), F1, F1, F2, F2))
 def path_over(vias, p, q, work, out):
-    """Compute `past` for each of some obstacles of the ground in a row, into `out` (n, 14).
+    """Compute `passed` for each of some obstacles of the ground in a row, into `out` (n, 14).
 
-    `work` has a row for the ground and one for each obstacle. Returns the largest kink, squared.
+    `work` has a row for the ground and one for each obstacle. Returns the largest kink, squared, or
+    1 if a point between two of them is inside one.
     """
     set_rotation(work, 0, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
     set_origin(work, 0, (0.0, 0.0, 0.0))
     p, q, count, kink = load3(p, 0), load3(q, 0), vias.shape[0], 0.0
     if count > 1:
         kink = settle(0, count, 1, vias, work, p, q)
+        for k in range(2 * (count - 1)):
+            via = vias[(k + 1) // 2]
+            apart = sub(load(work, 1 + k // 2, PLACE), xyz(via.point))
+            kink = max(kink, is_inside(across(xyz(via.axis), apart), via.radius))
     for k in range(count):
         begin, end = start_of_way(k, 1, work, p), end_of_way(k, count, 1, work, q)
-        free, length, start, first, last, stop = past(vias[k], count, work, begin, end)
+        free, length, start, first, last, stop = passed(vias[k], count, work, begin, end)
         out[k, 0], out[k, 1] = free, length
         store(out, k, 2, start)
         store(out, k, 5, first)

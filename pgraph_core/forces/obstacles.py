@@ -202,7 +202,9 @@ def through(shape, radius, axis, a, b):
     apart = sub(b, a)
     straight = math.sqrt(dot(apart, apart) + TINY)
     ahead, middle = scale(1.0 / straight, apart), add_scaled(a, 0.5, apart)
-    free = either(most(ahead_p + ahead_q, whole), either(is_inside(p, radius), is_inside(q, radius)))
+    free = either(
+        most(ahead_p + ahead_q, whole), either(is_inside(p, radius), is_inside(q, radius))
+    )
     return (
         free,
         chosen(free, straight, length_a + length_b),

@@ -36,7 +36,7 @@ from ..rotation import Array
 from ..tolerances import TINY
 from ..units import M
 from .base import Action, Between, Places, opposed
-from .obstacle_rows import Past, end_of_way, past, past_obstacles, settle, start_of_way
+from .obstacle_rows import Past, end_of_way, passed, past_obstacles, settle, start_of_way
 from .obstacles import POINT
 
 Place = tuple[str, Sequence[float]]  # a body and a point in its axes [m]
@@ -80,7 +80,9 @@ class Via(Frozen):
     @model_validator(mode="after")
     def _round(self) -> Self:
         refuse_no_direction(axis=self.axis)
-        given = [name for name in ("axis", "side", "inner") if getattr(self, name) not in (None, False)]
+        given = [
+            name for name in ("axis", "side", "inner") if getattr(self, name) not in (None, False)
+        ]
         if self.radius is None and given:
             text = "belongs to an obstacle; give its radius [m], such as radius=0.02, or leave it"
             refuse([(given[0], f"{text} out for a point")])
@@ -139,7 +141,9 @@ class BetweenPoints(AtPoint, Between):
                 refuse([("via", f"{text}path passes")])
             if any(via.side is None for via in pair):
                 text += "has no side, so that the length may jump from one side to the other; give "
-                refuse([("via", f"{text}each a `side`, such as [0, 0, 0.1], or put a point between")])
+                refuse(
+                    [("via", f"{text}each a `side`, such as [0, 0, 0.1], or put a point between")]
+                )
         return self
 
     def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
@@ -262,11 +266,11 @@ def settled(one, vias, n, end, work, p, q):
 
 @part
 def way_past(one, vias, n, end, m, work, p, q):
-    """Return `past` for obstacle m of the leg from p to q with the elements n to `end` - 1."""
+    """Return `passed` for obstacle m of the leg from p to q with the elements n to `end` - 1."""
     room = one.room + n
     begin = start_of_way(m - n, room, work, p)
     after = end_of_way(m - n, end - n, room, work, q)
-    return past(vias[one.first_via + m], end - n, work, begin, after)
+    return passed(vias[one.first_via + m], end - n, work, begin, after)
 
 
 @part

@@ -1,13 +1,15 @@
-"""A notice about points of paths that are inside an obstacle beside them, in a frame of a run."""
+"""Notices about paths past obstacles in a frame of a run: with a point inside an obstacle beside
+it, or without a shortest way over obstacles that follow each other."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
-from ..forces import BetweenPoints, Via, legs_of
+from ..forces import BetweenPoints, Via, legs_of, ways_past
 from ..packing import Array
 from ..rotation import unit_vector
 from ..tolerances import SOLVED
@@ -15,25 +17,59 @@ from .running import Running
 
 
 def pierced(record: Running) -> Iterator[str]:
-    """Yield a notice about the first path with a point inside an obstacle, in the frames.
+    """Yield a notice about the first path with a point inside an obstacle, in the frames, and one
+    about the first path without a shortest way.
 
     A point that is inside between two frames is not seen.
     """
     mech = record.mech
-    for i in range(record.steps.recorded):
-        for f, via, name in within(mech, record.plan.wrapped, record.out.q[i, : mech.nq]):
+    states = [(t, record.out.q[i, : mech.nq]) for i, t in enumerate(record.steps.times)]
+    states = states[: record.steps.recorded]
+    paths = record.plan.wrapped
+    for text in (_inside, _kinked) if paths else ():
+        yield from itertools.islice((x for t, q in states for x in text(mech, paths, q, t)), 1)
+
+
+def _inside(mech: Any, forces: Iterable[BetweenPoints], q: Array, t: float) -> Iterator[str]:
+    for f, via, name in within(mech, forces, q):
+        yield (
+            f"{f.kind} '{f.name}': its point on '{name}' is inside the obstacle of radius "
+            f"{via.radius:.6g} m on '{via.body}' at t = {t:.6g} s, and the path jumps to the "
+            "straight line; move the point outside"
+        )
+
+
+def _kinked(mech: Any, forces: Iterable[BetweenPoints], q: Array, t: float) -> Iterator[str]:
+    """Yield a text about each path over obstacles in a row that is not straight between them."""
+    rows = [
+        (f, leg) for f in forces for leg in legs_of(f, mech.model.body(f.body)) if len(leg[1]) > 1
+    ]
+    at, turned = _places(mech, q) if rows else (None, None)
+    for f, (p, past, end) in rows:
+        if ways_past(past, at, turned, p, end)[1] > SOLVED:
+            names = " and ".join(dict.fromkeys(f"'{via.body}'" for via in past))
             yield (
-                f"{f.kind} '{f.name}': its point on '{name}' is inside the obstacle of radius "
-                f"{via.radius:.6g} m on '{via.body}' at t = {record.steps.times[i]:.6g} s, and the "
-                "path jumps to the straight line; move the point outside"
+                f"{f.kind} '{f.name}': there is no shortest way over its {len(past)} obstacles in "
+                f"a row on {names} at t = {t:.6g} s, so that its length and forces are not exact; "
+                "give them other sides or radii, or put a point between them"
             )
-            return
 
 
 def within(
     mech: Any, forces: Iterable[BetweenPoints], state: Array
 ) -> Iterator[tuple[BetweenPoints, Via, str]]:
     """Yield (force, obstacle, body) of each point of a path inside an obstacle beside it."""
+    at, turned = _places(mech, state)
+    for f in forces:
+        for p, past, q in legs_of(f, mech.model.body(f.body)):
+            ends = ((past[0], p), (past[-1], q)) if past else ()
+            for via, (name, point) in ends:
+                if _is_within(via, turned(via.body), at(name, point) - at(via.body, via.point)):
+                    yield f, via, name
+
+
+def _places(mech: Any, state: Array) -> tuple[Any, Any]:
+    """Return the functions of `lines_of` that give points and orientations at a state."""
     number = mech.topology.number
     place, turn = mech.poses(state)
 
@@ -44,12 +80,7 @@ def within(
         origin = place[number(name) - 1] if number(name) else np.zeros(3)
         return origin + turned(name) @ np.asarray(point)
 
-    for f in forces:
-        for p, past, q in legs_of(f, mech.model.body(f.body)):
-            ends = ((past[0], p), (past[-1], q)) if past else ()
-            for via, (name, point) in ends:
-                if _is_within(via, turned(via.body), at(name, point) - at(via.body, via.point)):
-                    yield f, via, name
+    return at, turned
 
 
 def _is_within(via: Via, turn: Array, a: Array) -> bool:

@@ -1,4 +1,4 @@
-"""Paths over obstacles in a row and through rings: closed forms, laws of lengths and moment arms."""
+"""Paths over obstacles in a row and through rings: closed forms, and laws of moment arms."""
 
 import numpy as np
 import pytest
@@ -89,11 +89,13 @@ ROWS = {
     "posts": [post(1, 0, 0.5, axis=(0.2, 0.1, 1), **ABOVE),
               post(-0.6, 0.1, 0.6, axis=(0.1, -0.3, 1), **ABOVE)],
     "balls": [ball(1, -0.6, 0.1, 0.5, **ABOVE), ball(-0.6, -0.7, -0.1, 0.6, **ASIDE)],
-    "three": [ball(1.2, -0.9, 0.3, 0.5, **ABOVE), post(-0.2, -0.6, 0.4, **ABOVE), ball(-1.4, -1.0, -0.1, 0.5, **ASIDE)],
+    "three": [ball(1.2, -0.9, 0.3, 0.5, **ABOVE), post(-0.2, -0.6, 0.4, **ABOVE),
+              ball(-1.4, -1.0, -0.1, 0.5, **ASIDE)],
     "sides": [post(1.2, -0.2, 0.5, **ABOVE), post(0.0, -1.8, 0.4, **BELOW),
               post(-1.2, -0.2, 0.5, **ABOVE)],
     "two legs": [ball(1.4, -0.9, 0.1, 0.4, **ABOVE), post(0.6, -0.8, 0.2, **ABOVE),
-                 {"body": "x", "point": (0, -0.5, 0)}, post(-0.6, -0.9, 0.3, axis=(0.5, 0, 1), **BELOW),
+                 {"body": "x", "point": (0, -0.5, 0)},
+                 post(-0.6, -0.9, 0.3, axis=(0.5, 0, 1), **BELOW),
                  ball(-1.5, -1.1, 0.2, 0.4, **ABOVE)],
 }  # fmt: skip
 

@@ -1,0 +1,84 @@
+"""The command `pgraph arms`: lengths and moment arms of paths over the range of a joint."""
+
+from __future__ import annotations
+
+import csv
+import math
+from argparse import Namespace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import pgraph_core as pg
+from pgraph_core.errors import FileError, InputError, Problem, choices, shown
+
+from .terminal import MODEL, Answer, aligned, command, count, numbers, open_model, takes
+
+
+@command(
+    "arms",
+    "lengths and moment arms of springs and struts over the range of a joint",
+    *MODEL,
+    takes("--over", metavar="JOINT", required=True, help="the body with the joint, or BODY.K for "
+          "coordinate K of several, counted from 0"),
+    takes("--range", type=numbers, metavar="A,B", help="first and last coordinate [rad, m]; "
+          "default: the limits of the joint, or half a turn each way"),
+    takes("--points", type=count, default=101, metavar="N", help="default: 101"),
+    takes("-o", "--output", metavar="FILE", help="write a table (.csv)"),
+)  # fmt: skip
+def arms(args: Namespace) -> Answer:
+    """Compute a table of lengths and moment arms. Raises PgraphError."""
+    if args.output and Path(args.output).suffix.lower() != ".csv":
+        raise FileError(Problem(args.output, "", "must end in .csv"))
+    mech = pg.Mechanism(open_model(args))
+    if not mech.path_names:
+        text = "has no spring or strut along a path, so that there are no moment arms"
+        raise InputError(Problem(args.model, "", text))
+    name, k = _coordinate(mech, args.over)
+    at_q, at_v = mech.joints[name].q.start + k, mech.joints[name].v.start + k
+    low, high = args.range if args.range is not None else _limits(mech, name, k)
+    q = np.repeat(mech.home()[0][None], args.points, axis=0)
+    q[:, at_q] = np.linspace(low, high, args.points)
+    found = [mech.path_length(q), mech.moment_arms(q)[:, :, at_v]]
+    table = np.column_stack((q[:, at_q], *found))
+    header = [args.over, *(f"{of}.{n}" for of in ("length", "arm") for n in mech.path_names)]
+    data: dict[str, Any] = {name: column.tolist() for name, column in zip(header, table.T)}
+    if args.output:
+        with open(args.output, "w", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerows([header, *table.tolist()])
+        data["output"] = args.output
+        return Answer(data, f"{args.output}: {len(table)} rows written")
+    return Answer(data, aligned(table.tolist(), header))
+
+
+def _coordinate(mech: pg.Mechanism, given: str) -> tuple[str, int]:
+    """Return the body and the number of a coordinate that one speed changes. Raises InputError."""
+    name, _, k = (given, "", "") if given in mech.joints else given.rpartition(".")
+    single = {n: len(range(mech.nv)[j.v]) for n, j in mech.joints.items() if _plain(mech, n)}
+    if name not in single:
+        text = f"must be a joint of hinges or sliders ({choices(single)}), got {shown(given)}"
+        raise InputError(Problem("pgraph arms", "--over", text))
+    if not (k or single[name] == 1) or (k and not (k.isdigit() and int(k) < single[name])):
+        text = f"'{name}' has the coordinates 0 to {single[name] - 1}; give one of them, such as "
+        raise InputError(Problem("pgraph arms", "--over", f"{text}{name}.0, got {shown(given)}"))
+    return name, int(k or 0)
+
+
+def _plain(mech: pg.Mechanism, name: str) -> bool:
+    """Check whether each coordinate of a joint has its own speed."""
+    joint = mech.joints[name]
+    return len(range(mech.nq)[joint.q]) == len(range(mech.nv)[joint.v]) > 0
+
+
+def _limits(mech: pg.Mechanism, name: str, k: int) -> tuple[float, float]:
+    """Return the range of a coordinate. Raises InputError if it has none."""
+    body = mech.model.body(name)
+    limits = body.limits[k] if k < len(body.limits) else None
+    low, high = limits or (None, None)
+    if low is not None and high is not None:
+        return float(low), float(high)
+    if body.sequence[k].facts.travels:
+        text = f"'{name}' has no limits; give the first and last coordinate [m], such as 0,0.5"
+        raise InputError(Problem("pgraph arms", "--range", text))
+    return -math.pi, math.pi
