@@ -405,3 +405,23 @@ def test_convert_keeps_its_input_and_asks_for_folders_that_are_there(tmp_path, c
     _, err = printed(capsys, "convert", file, tmp_path / "o.json", "--root", "/no", code=1)
     assert "/no" in err
     assert file.read_bytes() == before
+
+
+def test_arms_are_minus_the_slopes_of_the_lengths_in_their_table(capsys, tmp_path):
+    arm = [pg.Body(name=n, parent=p, mass=1, inertia=(1, 1, 1), link=(1, 0, 0), limits=((-1, 1),))
+           for n, p in (("upper", "ground"), ("lower", "upper"))]  # fmt: skip
+    springs = [pg.Spring(name=n, body="lower", point=(0.5, y, 0), stiffness=1) for n, y in
+               (("one", 0.1), ("two", -0.2))]  # fmt: skip
+    pg.Model(bodies=arm, forces=springs).save(tmp_path / "arm.json")
+    given = "arms", str(tmp_path / "arm.json"), "--over", "lower"
+    found = answered(capsys, *given, "--points", "201")
+    assert list(found) == ["lower", "length.one", "length.two", "arm.one", "arm.two"]
+    q = np.array(found["lower"])
+    assert (q[0], q[-1], len(q)) == (-1.0, 1.0, 201)
+    for name in ("one", "two"):
+        slope = np.gradient(found[f"length.{name}"], q)[1:-1]
+        np.testing.assert_allclose(found[f"arm.{name}"][1:-1], -slope, atol=1e-4)
+    table = tmp_path / "arms.csv"
+    answered(capsys, *given, "--range=0,0.5", "--points", "3", "-o", str(table))
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)
+    np.testing.assert_allclose(rows[:, 0], (0.0, 0.25, 0.5))

@@ -296,7 +296,8 @@ def wrapped(rng, kind, sided):
     radius, place = rng.uniform(0.02, 0.08), rng.uniform(-0.03, 0.03, 3)
     aside = rng.normal(size=3)
     turn = rng.normal(size=4)
-    far = place + 20.0 * aside / np.linalg.norm(aside)  # outside in every projection but few
+    far = 20.0 if sided != "inside" else 0.5 * radius  # outside in every projection but few
+    far = place + far * aside / np.linalg.norm(aside)
     return WRAPPED.format(
         kind=kind, size=text((radius, 0.1) if kind == "cylinder" else radius), place=text(place),
         hook=text((rng.uniform(-0.3, 0.3), 0.25, rng.uniform(-0.3, 0.3))), turn=text(turn),
@@ -326,6 +327,53 @@ def test_tendons_around_geoms_pull_as_in_mujoco(tmp_path, kind, sided):
                 scale = np.abs(data.qacc).max()
                 np.testing.assert_allclose(found, data.qacc, rtol=0, atol=1e-9 * scale)
     assert touching > 5
+
+
+@pytest.mark.parametrize("kind", ["sphere", "cylinder"])
+def test_tendons_through_geoms_are_as_long_as_in_mujoco(tmp_path, kind):
+    """MuJoCo ends its search at 1e-6, of which the square is in a length, but not in a force."""
+    rng, touching = np.random.default_rng(6), 0
+    for _ in range(12):
+        xml = wrapped(rng, kind, "inside")
+        m = mujoco.MjModel.from_xml_string(xml)
+        model = loaded(tmp_path, xml)
+        assert model["rope"].via[0].inner
+        again, out = written(tmp_path, model)
+        for one, peer in ((model, m), (again, out)):
+            mech, data = pg.Mechanism(one), mujoco.MjData(peer)
+            for q in rng.uniform(-1.0, 1.0, (4, 3)):
+                data.qpos, data.qvel = q, rng.uniform(-2.0, 2.0, 3)
+                mujoco.mj_forward(peer, data)
+                touching += data.ten_wrapnum[0] > 2
+                assert mech.path_length(q)[0] == pytest.approx(data.ten_length[0], abs=1e-11)
+                found = mech.forward_dynamics(q, data.qvel)
+                scale = np.abs(data.qacc).max()
+                np.testing.assert_allclose(found, data.qacc, rtol=0, atol=1e-5 * scale)
+    assert touching > 20
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize(("far", "inner"), [(0.01, True), (0.05, False)])
+def test_a_sidesite_is_inside_a_cylinder_by_its_distance_from_the_centre(tmp_path, far, inner):
+    """On the axis, too, as MuJoCo decides it."""
+    xml = WRAPPED.format(
+        kind="cylinder", size="0.03 0.1", place="0 0 0", hook="0.2 0.25 0", turn="1 0 0 0",
+        axis="0 0 1", end="0 -0.2 0", site=f'<site name="side" pos="0.001 0 {far}"/>',
+        side=' sidesite="side"',
+    )  # fmt: skip
+    assert loaded(tmp_path, xml)["rope"].via[0].inner == inner
+
+
+def test_obstacles_in_a_row_are_left_out(tmp_path):
+    """MuJoCo needs a site between two geoms of a tendon."""
+    ends = {"radius": 0.1, "side": (0, 5, 0)}
+    row = [{"body": "ground", "point": (x, 0, 0), **ends} for x in (0.3, 0.6)]
+    rope = pg.Spring(name="rope", body="a", point=(1, 0, 0), stiffness=2.0, via=row)
+    model = pg.Model(bodies=[pg.Body(name="a", mass=1, inertia=(1, 1, 1))], forces=[rope])
+    report = pg.write_mjcf(model, tmp_path / "out.xml")
+    assert "'rope'" in str(report)
+    assert "without a point between" in str(report)
+    assert "<tendon" not in (tmp_path / "out.xml").read_text()
 
 
 ROPED = """<mujoco><option gravity="0 0 -9.81"/><worldbody><site name="hook" pos=".1 .3 .4"/>
