@@ -232,11 +232,8 @@ def has_fallen(work, s, com, level):
 
 @part
 def copied_bias(work, out):
-    """Copy b of all rows, since `newton_euler` overwrites it and a run still needs it.
-
-    The workspace of a run may have more rows, for paths.
-    """
-    for k in range(1, out.shape[0]):
+    """Copy b of all rows, since `newton_euler` overwrites it and a run still needs it."""
+    for k in range(1, work.shape[0]):
         moment, force = bias_of(work, k)
         set_bias(out, k, moment, force)
 
