@@ -113,7 +113,10 @@ def path(
     if key == "body":
         place |= _on(text.strip(), along(model, item, at)[i + 1], at)
     elif not text.strip() and key != "point":
-        place |= dict.fromkeys((key, *pg.Via.FOLLOWERS.get(key, ())))
+        cleared = {key, *pg.Via.FOLLOWERS.get(key, ())}
+        place = places[i] = {name: x for name, x in place.items() if name not in cleared}
+    elif key == "inner":
+        place[key] = True
     else:
         new = content(text, "number" if key == "axis" else "length", display)
         vector = tuple(place.get(key) or (0.0, 0.0, 0.0))

@@ -536,6 +536,11 @@ def _of_place(
     """Return the row of a field of a point of a path: a number, or a vector that can be picked."""
     shows, direction = about(place, key), key == "axis"
     of, unit = ("number", "") if direction else ("length", display.length)
+    if key == "inner":
+        options = [("", "past it"), ("yes", "through it")]
+        now = "yes" if value else ""
+        return field(name, shows.label, [cell(index, now)], kind="choice", options=options,
+                     help=shows.help)  # fmt: skip
     if key == "radius":
         one = cell(index, shown(value, of, display))
         return field(name, shows.label, [one], unit=unit, help=shows.help)

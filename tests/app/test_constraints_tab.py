@@ -623,12 +623,15 @@ def test_a_point_of_a_path_becomes_an_obstacle_with_an_axis_and_a_side():
     assert labels() == ["Via 1", "Point", "Radius", "Via 2", "Point", "Radius"]
     state = typed(((0, 2), "0.05"))
     assert state.model.forces[0].via[0].radius == 0.05
-    assert labels() == ["Via 1", "Point", "Radius", "Axis", "Side", "Via 2"]
+    assert labels() == ["Via 1", "Point", "Radius", "Axis", "Side", "Inner"]
     state = typed(((0, 3, 0), "0"), ((0, 3, 1), "0"), ((0, 3, 2), "1"))
     state = typed(((0, 4, 0), "0.1"), ((0, 4, 1), "0.2"), ((0, 4, 2), "0"))
     found = state.model.forces[0].via[0]
     assert (found.axis, found.side) == ((0.0, 0.0, 1.0), (0.1, 0.2, 0.0))
     state = typed(((0, 4, 0), ""))
     assert state.model.forces[0].via[0].side is None
+    state = typed(((0, 5), "yes"))
+    assert state.model.forces[0].via[0].inner
+    assert not typed(((0, 5), "")).model.forces[0].via[0].inner
     state = typed(((0, 2), ""))
     assert state.model.forces[0].via == via
