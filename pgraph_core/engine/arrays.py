@@ -127,7 +127,6 @@ class Loads(namedtuple("_Loads", [*(one.kind for one in KINDS_OF_LOADS), "signal
         """Return the number of loads and expressions."""
         return sum(len(table) for table, *_ in self[:-1]) + len(self.signals[0])
 
-
     @property
     def room(self) -> int:
         """Return the number of rows of a workspace for points between obstacles in a row."""
