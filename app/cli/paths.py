@@ -18,7 +18,7 @@ from .terminal import MODEL, Answer, aligned, command, count, numbers, open_mode
 
 @command(
     "arms",
-    "lengths and moment arms of springs and struts over the range of a joint",
+    "lengths and moment arms of forces along paths over the range of a joint",
     *MODEL,
     takes("--over", metavar="JOINT", required=True, help="the body with the joint, or BODY.K for "
           "coordinate K of several, counted from 0"),
@@ -33,7 +33,7 @@ def arms(args: Namespace) -> Answer:
         raise FileError(Problem(args.output, "", "must end in .csv"))
     mech = pg.Mechanism(open_model(args))
     if not mech.path_names:
-        text = "has no spring or strut along a path, so that there are no moment arms"
+        text = "has no spring, strut or other force along a path; there are no moment arms"
         raise InputError(Problem(args.model, "", text))
     name, k = _coordinate(mech, args.over)
     at_q, at_v = mech.joints[name].q.start + k, mech.joints[name].v.start + k

@@ -111,17 +111,17 @@ class Dynamics(Kinematics):
 
     @property
     def path_names(self) -> tuple[str, ...]:
-        """The names of all springs and struts, which lie along paths, in model order."""
+        """The names of all forces along paths, such as springs and struts, in model order."""
         return self._paths.names
 
     @for_each_state
     def path_length(self, q: Array) -> Array:
-        """Return the lengths (n,) [m] of the paths of all springs and struts, as `path_names`."""
+        """Return the lengths (n,) [m] of the paths of all forces along paths, as `path_names`."""
         return self._along_paths(q)[0]
 
     @for_each_state
     def moment_arms(self, q: Array) -> Array:
-        """Return the moment arms of the paths of all springs and struts, as `path_names`.
+        """Return the moment arms of all forces along paths, such as springs, as `path_names`.
 
         They are the generalised forces of a tension of 1 N, and exactly -dL/dq of the lengths L. A
         tension T along path i exerts τ = T r[i].

@@ -15,7 +15,7 @@ from .scene import NO_CONSTRAINTS, Scene
 
 
 class Paths:
-    """The paths of the springs and struts of a model, in its order."""
+    """The paths of the springs, struts and other forces along paths of a model, in its order."""
 
     def __init__(self, packed: Packed):
         """Pack a spring without a force along each path."""

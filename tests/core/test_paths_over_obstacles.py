@@ -214,3 +214,13 @@ def test_instances_in_lanes_move_as_single_runs(vias):
     for n in range(5):
         run = pg.simulate(model, v=v[n], t_end=0.1, method="rk4", step=1e-3, estimate=False)
         np.testing.assert_allclose(batch.q[n], run.q[-1], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("x", "told"), [(1.0, 0), (0.45, 1)])
+def test_obstacles_without_a_straight_line_between_them_are_told(x, told):
+    """The path crosses from above one post to below the other, which overlap if x < 0.5."""
+    mech = stand(post(x, 0, 0.5, **BELOW), post(-x, 0, 0.5, **ABOVE), point=(3.0, 1.0, 0.0))
+    notices = pg.simulate(mech, t_end=1e-3, method="rk4", step=1e-3).notices
+    found = [text for text in notices if "'s'" in text and "no shortest way" in text]
+    assert len(found) == told
+    assert all("2 obstacles" in text and "'ground'" in text for text in found)
