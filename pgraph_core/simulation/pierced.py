@@ -4,15 +4,17 @@ it, or without a shortest way over obstacles that follow each other."""
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..forces import BetweenPoints, Via, legs_of, ways_past
+from ..forces.obstacle_rows import Past
+from ..forces.path import Place
 from ..packing import Array
 from ..rotation import unit_vector
-from ..tolerances import SOLVED
+from ..tolerances import SOLVED, TINY
 from .running import Running
 
 
@@ -46,13 +48,30 @@ def _kinked(mech: Any, forces: Iterable[BetweenPoints], q: Array, t: float) -> I
     ]
     at, turned = _places(mech, q) if rows else (None, None)
     for f, (p, past, end) in rows:
-        if ways_past(past, at, turned, p, end)[1] > SOLVED:
+        ways, kink = ways_past(past, at, turned, p, end)
+        if kink > SOLVED or any(_beyond(past, ways, at, turned, p, end)):
             names = " and ".join(dict.fromkeys(f"'{via.body}'" for via in past))
             yield (
                 f"{f.kind} '{f.name}': there is no shortest way over its {len(past)} obstacles in "
-                f"a row on {names} at t = {t:.6g} s, so that its length and forces are not exact; "
-                "give them other sides or radii, or put a point between them"
+                f"a row on {names}, on their sides, at t = {t:.6g} s, so that its length and "
+                "forces are not right; give them other sides or radii, or put a point between them"
             )
+
+
+def _beyond(
+    past: Sequence[Via], ways: Sequence[Past], at: Any, turned: Any, p: Place, q: Place
+) -> Iterator[bool]:
+    """Yield for each cylinder that a path does not touch whether it passes on its other side."""
+    begin = at(*p)
+    for k, (via, way) in enumerate(zip(past, ways)):
+        if not way.free:
+            begin = way.last
+        elif via.axis is not None and via.side is not None:
+            end = next((x.first for x in ways[k + 1 :] if not x.free), at(*q))
+            u, centre = turned(via.body) @ unit_vector(via.axis), at(via.body, via.point)
+            ahead, near = (x - (u @ x) * u for x in (end - begin, begin - centre))
+            s = np.clip(-(ahead @ near) / max(ahead @ ahead, TINY), 0.0, 1.0)
+            yield bool((near + s * ahead) @ (at(via.body, via.side) - centre) < 0.0)
 
 
 def within(

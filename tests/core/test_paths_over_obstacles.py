@@ -216,10 +216,11 @@ def test_instances_in_lanes_move_as_single_runs(vias):
         np.testing.assert_allclose(batch.q[n], run.q[-1], rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize(("x", "told"), [(1.0, 0), (0.45, 1)])
-def test_obstacles_without_a_straight_line_between_them_are_told(x, told):
+@pytest.mark.parametrize("y", [1.0, -1.0])
+@pytest.mark.parametrize(("x", "told"), [(1.0, 0), (0.51, 0), (0.49, 1), (0.45, 1), (0.3, 1)])
+def test_obstacles_without_a_straight_line_between_them_are_told(x, y, told):
     """The path crosses from above one post to below the other, which overlap if x < 0.5."""
-    mech = stand(post(x, 0, 0.5, **BELOW), post(-x, 0, 0.5, **ABOVE), point=(3.0, 1.0, 0.0))
+    mech = stand(post(x, 0, 0.5, **BELOW), post(-x, 0, 0.5, **ABOVE), point=(3.0, y, 0.0))
     notices = pg.simulate(mech, t_end=1e-3, method="rk4", step=1e-3).notices
     found = [text for text in notices if "'s'" in text and "no shortest way" in text]
     assert len(found) == told
