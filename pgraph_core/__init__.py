@@ -18,6 +18,7 @@ from weakref import finalize
 from . import hooks
 
 if TYPE_CHECKING:
+    from .analysis.activations import Activations as Activations
     from .analysis.assembly import Assembly as Assembly
     from .analysis.feedback import Feedback as Feedback
     from .analysis.feedback import lqr as lqr
@@ -73,6 +74,7 @@ if TYPE_CHECKING:
     from .model import Model as Model
     from .model import Motion as Motion
     from .model import Motor as Motor
+    from .model import Muscle as Muscle
     from .model import Orientation as Orientation
     from .model import Output as Output
     from .model import Plane as Plane

@@ -628,6 +628,11 @@ class Acting(Described):
         """Return its points of further bodies, in order."""
         return tuple(place for name in self.PLACES for place in getattr(self, name))
 
+    @property
+    def _fits_one_body(self) -> bool:
+        """Return True if both its ends may be on one body."""
+        return bool(self._places)
+
 
 class OfKinds(Acting):
     """A part with one class per kind, selected by its field `kind`.

@@ -19,6 +19,7 @@ from .model import Model, Motion, Polynomial
 from .packing import Array
 
 if TYPE_CHECKING:
+    from .analysis.activations import Activations
     from .analysis.linear import Linearisation
 
 OF_TOPOLOGY = {"adjacency", "parent", "separation_bodies", "tips"}  # names that it has too
@@ -327,6 +328,44 @@ class Mechanism(Dynamics):
         from .analysis.equilibrium import equilibrium  # compiled for lanes
 
         return equilibrium(self, q, scenario)
+
+    def activations(
+        self, torques: Mapping[str, float], q: Any = None, v: Any = None
+    ) -> Activations:
+        """Find activations of the muscles that exert these torques, with the least sum of squares.
+
+        This is static optimisation: the torques and the state are given, and the muscles share the
+        torques. Tendons are rigid. Joints without a given torque may get any. If the muscles do not
+        reach the torques, the nearest ones that they reach are returned, with a notice.
+
+        Parameters
+        ----------
+        torques : dict
+            Torque or force for each joint by name [N m, N], "hip.1" for one of several coordinates.
+        q, v : array or dict, optional
+            State, by default the initial coordinates and rest.
+
+        Returns
+        -------
+        Activations
+            `activation`, `tension` and `torque` by name, and `notices`.
+
+        Raises
+        ------
+        InputError
+            If the model has no muscle, or a joint or number is invalid.
+
+        Examples
+        --------
+            found = mech.activations({"forearm": 12.0}, q={"forearm": 1.2})
+            found.activation["biceps"]
+        """
+        from .analysis.activations import activations
+
+        home = self.home()[0]
+        at = home if q is None else by_name(self, "q", q, home)
+        speed = np.zeros(self.nv) if v is None else by_name(self, "v", v, np.zeros(self.nv))
+        return activations(self, torques, at, speed)
 
     def inverse_kinematics(
         self,

@@ -56,6 +56,7 @@ NEEDS: dict[str, dict[str, Any]] = {
     "coupling": {"coefficients": {"2": 1.0}},
     "tendon": {"coefficients": {"2": 1.0}},
     "drag": {"size": (1, 2, 3)},
+    "muscle": {"f_max": 9.0, "l_opt": 0.1, "l_slack": 0.1},
 }
 KINDS = [(part, kind) for part in (pg.Constraint, pg.Force) for kind in part.KINDS]
 FOOTFALLS = [{"foot": foot, "offset": 0.0, "duty": 0.5} for foot in "abcd"]

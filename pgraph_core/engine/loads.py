@@ -121,6 +121,20 @@ def _counts(n):
     return count
 
 
+def _paths(n):
+    if n == len(LOADS):
+        return part(lambda loads: 0)
+    rest = _paths(n + 1)
+    if LOADS[n].action.tension is None:
+        return rest
+
+    @part
+    def count(loads):
+        return loads[n][0].shape[0] + rest(loads)
+
+    return count
+
+
 def _puts(n):
     if n == len(LOADS):
         return part(lambda loads, kind, k, column, value: None)
@@ -132,6 +146,20 @@ def _puts(n):
             loads[n][1][k, column] = value
         else:
             rest(loads, kind, k, column, value)
+
+    return chain
+
+
+def _numbers(n):
+    if n == len(LOADS):
+        return part(lambda loads, kind, k, column: 0.0)
+    rest = _numbers(n + 1)
+
+    @part
+    def chain(loads, kind, k, column):
+        if kind == n:
+            return loads[n][1][k, column]
+        return rest(loads, kind, k, column)
 
     return chain
 
@@ -214,8 +242,12 @@ def _tension_at(n):
 
 # number of loads of all kinds
 count_of_loads = _counts(0)
+# number of those along paths
+count_of_paths = _paths(0)
 # a number into a knot of loads of one kind, which is counted from 0
 put_in_knots = _puts(0)
+# the number there
+number_in_knots = _numbers(0)
 # all loads onto the rows, after `positions` and `velocities`; powers in and dissipated [W]
 apply_loads = _applies(0)
 # all loads added to `external` (nb, 6), after `positions` and `velocities`

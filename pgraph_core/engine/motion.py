@@ -19,15 +19,30 @@ from .loads import (
     arms_of_loads,
     collect_loads,
     count_of_loads,
+    count_of_paths,
     elastic_loads,
     measure_loads,
+    tension_of_load,
     torque_of_loads,
 )
 from .records import PAIR
 from .rows import kept_of
-from .signals import begin_states, follow_signals, put_rates, take_samples
+from .signals import (
+    begin_states,
+    follow_signals,
+    gives_rates,
+    put_rates,
+    take_from_loads,
+    take_samples,
+)
 from .tree.articulated import inboard, inboard_again, joint_acceleration, singular_row
-from .tree.kinematics import kinetic_and_potential, outboard, outboard_again, positions
+from .tree.kinematics import (
+    frames,
+    kinetic_and_potential,
+    outboard,
+    outboard_again,
+    positions,
+)
 from .tree.moving import advance
 from .vec import finite
 
@@ -97,12 +112,28 @@ def signal(scene, t, q, v):
     return 0 if follow(opened(scene), t, q, v) else -1
 
 
+@sweep
+def find_rates(data, t, q, v):
+    """Let the loads along paths write the rates of their states into the knots, after `follow`."""
+    rows, const, work, linear = data.rows, data.const, data.work, data.space.linear
+    frames(rows, const, work, q, v)
+    positions(rows, work)
+    velocities(rows, const, work, v, linear)
+    for i in range(count_of_paths(data.loads)):
+        tension_of_load(data.loads, work, linear, q, t, i)
+
+
 @kernel(void(i8, f8, f8, F1, F1), later=True)
 def begin_controls(scene, t, near, q, v):
     """Give the states of controls their first values at t, then take the samples within `near`."""
-    signals = opened(scene).loads.signals
-    begin_states(signals, t, q, v)
-    take_samples(signals, t, near, q, v)
+    data = opened(scene)
+    loads = data.loads
+    begin_states(loads.signals, t, q, v)
+    if gives_rates(loads.signals[2]):
+        follow(data, t, q, v)
+        find_rates(data, t, q, v)
+        take_from_loads(loads.signals, loads, v)
+    take_samples(loads.signals, t, near, q, v)
 
 
 @kernel(ACCELERATION, nogil=True)
@@ -118,8 +149,6 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
     work, given, user = data.work, data.given, data.user
     known = follow(data, t, q, v)
     put_in, dissipated = drive(drives, t, q, v, given, tau)
-    if data.loads.signals[2].shape[0] > 0:
-        put_rates(data.loads.signals, tau)
     if not known:
         tau[0] = math.nan
     again = kept_of(work, 0) == 1.0
@@ -137,6 +166,8 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
         more, lost = apply_loads(loads, work, space.linear, q, t)
         put_in += more
         dissipated += lost
+    if loads.signals[2].shape[0] > 0:
+        put_rates(loads.signals, loads, tau)
     flow[0] = put_in
     flow[1] = dissipated
     if links.forces != 0:

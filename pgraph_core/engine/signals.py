@@ -10,9 +10,10 @@ import math
 from .compiler.elementary import acos, asin, atan, cos, exp, log, power, sin, tan
 from .compiler.jit import kernel, part, sweep
 from .compiler.kinds import F1, F2, I2, f8, void
-from .loads import LOADS, put_in_knots
+from .loads import LOADS, number_in_knots, put_in_knots
 
 COLUMNS, OWN_COLUMNS = 5, 4
+NUMBER_AT = 4  # column of the number of an instruction
 (
     NUMBER, TIME, Q, V, ADD, SUB, MUL, DIV, MIN, MAX, CHOOSE, LESS, AT_MOST, ABS, SQRT, SIN, COS,
     TAN, EXP, LOG, ASIN, ACOS, ATAN, POW, BLEND,
@@ -31,9 +32,12 @@ NEAREST, WHEN, REST = 5, 6, 7
 # or pair, how many, the column; the number of its part, and 1 once the value was not valid
 DRIVE, LAW = 0, 1 + len(LOADS)
 OWNER, FAILED, TARGETS = 5, 6, 7
-# states of controls: the instruction of the rate or the new value, that of the time between samples
-# or -1, that of the first value, the number of the control, and 1 once the value was not finite
-SAMPLE, START, CONTROL, LOST, STATES = 1, 2, 3, 4, 5
+# states of controls and muscles: the instruction of the rate or the new value, that of the time
+# between samples or -1, that of the first value, the number of the part, and 1 once the value was
+# not finite; the kind of load that reads it, counted from 1, or 0, the knot and the column, behind
+# which the load writes the rate of a state that has no instruction for it (-1); and the instruction
+# of the constant input that it follows, or -1
+SAMPLE, START, CONTROL, LOST, READER, KNOT_OF, PLACE, GIVEN, STATES = 1, 2, 3, 4, 5, 6, 7, 8, 9
 
 
 @sweep
@@ -246,6 +250,11 @@ def follow_signals(signals, drives, loads, t, q, v):
             else:
                 put_in_knots(loads, targets[n, 1] - 1, k, column, value)
     for n in range(states.shape[0]):
+        if states[n, READER] > 0:
+            kind, state = states[n, READER] - 1, v[v.shape[0] - states.shape[0] + n]
+            put_in_knots(loads, kind, states[n, KNOT_OF], states[n, PLACE], state)
+        if states[n, 0] < 0:
+            continue
         if states[n, SAMPLE] < 0 and not abs(code[2 * states[n, 0] + 1, 0]) < math.inf:
             failed = -1
             states[n, LOST] = 1
@@ -264,13 +273,17 @@ def follow_frictions(signals, laws):
 
 
 @sweep
-def put_rates(signals, tau):
-    """Write the rates of the states of controls into the last entries of τ."""
+def put_rates(signals, loads, tau):
+    """Write the rates of all states into the last entries of τ, after the loads that give some."""
     code, _, states = signals
     first = tau.shape[0] - states.shape[0]
     for n in range(states.shape[0]):
         tau[first + n] = 0.0
-        if states[n, SAMPLE] < 0:
+        if states[n, 0] < 0:
+            if states[n, READER] > 0:
+                place = states[n, KNOT_OF], states[n, PLACE] + 1
+                tau[first + n] = number_in_knots(loads, states[n, READER] - 1, place[0], place[1])
+        elif states[n, SAMPLE] < 0:
             tau[first + n] = code[2 * states[n, 0] + 1, 0]
 
 
@@ -283,6 +296,27 @@ def begin_states(signals, t, q, v):
         evaluate(code, 0, code.shape[0] // 2, t, q, v)
         for n in range(states.shape[0]):
             v[first + n] = code[2 * states[n, START] + 1, 0]
+
+
+@part
+def gives_rates(states):
+    """Check whether a load gives the rate of a state."""
+    found = False
+    for n in range(states.shape[0]):
+        found = found or (states[n, 0] < 0 and states[n, READER] > 0)
+    return found
+
+
+@sweep
+def take_from_loads(signals, loads, v):
+    """Copy the states whose rates loads give from the knots, where loads give them a value."""
+    _, _, states = signals
+    for n in range(states.shape[0]):
+        if states[n, 0] < 0 and states[n, READER] > 0:
+            kind, knot = states[n, READER] - 1, states[n, KNOT_OF]
+            v[v.shape[0] - states.shape[0] + n] = number_in_knots(
+                loads, kind, knot, states[n, PLACE]
+            )
 
 
 @kernel(void(F2, I2, f8, F1, F1), later=True)

@@ -37,8 +37,12 @@ from .cable import Cable as Cable
 from .strut import Lines as Lines
 from .strut import Strut as Strut
 from .linear_actuator import LinearActuator as LinearActuator
-from . import bushing, cable, drag, linear_actuator, spring, strut, torsion, wrench
+from .muscle import Muscle as Muscle
+from . import bushing, cable, drag, linear_actuator, muscle, spring, strut, torsion, wrench
 
 # kinds of force on bodies, in the order of their tables
 STRUTS = strut.LOAD._replace(others={LinearActuator: linear_actuator.pack})
-LOADS = (wrench.LOAD, spring.LOAD, torsion.LOAD, drag.LOAD, bushing.LOAD, STRUTS, cable.LOAD)
+LOADS = (
+    wrench.LOAD, spring.LOAD, torsion.LOAD, drag.LOAD, bushing.LOAD, STRUTS, cable.LOAD,
+    muscle.LOAD,
+)  # fmt: skip

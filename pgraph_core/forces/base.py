@@ -95,8 +95,8 @@ class Driven(Force):
     INPUT: ClassVar[str]  # the field that is the input
 
     if TYPE_CHECKING:
-        input_low: float | None
-        input_high: float | None
+        input_low: float | None = None
+        input_high: float | None = None
 
     @property
     def inputs(self) -> tuple[float, float]:
@@ -325,7 +325,7 @@ class Load(NamedTuple):
     columns: int = 1  # number of columns of its knots
     linear: Callable[[Any], bool] = _always  # whether the loads of a table are linear in speeds
     split: Callable[[Any, Places], Sequence[Any]] = _whole  # its rows, with the `pair` of each
-    others: Mapping[type[OnBody], Callable[[Any, Any, Places], Array | None]] = EMPTY
+    others: Mapping[Any, Callable[[Any, Any, Places], Array | None]] = EMPTY
 
     @property
     def kind(self) -> str:

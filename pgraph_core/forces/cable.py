@@ -16,8 +16,9 @@ import numpy as np
 from pydantic import model_validator
 
 from ..engine.cables import GRIP, cable_length, cable_rate, hold_of, over_spans
-from ..engine.compiler.elementary import exp
+from ..engine.compiler import elementary
 from ..engine.compiler.jit import part, sweep
+from ..engine.compiler.lane import in_each
 from ..engine.compiler.masks import chosen, larger, more
 from ..engine.records import CREEP, INTEGER, REAL
 from ..engine.vec import scale
@@ -26,6 +27,8 @@ from ..pulleys import AlongPulleys
 from ..units import M, N, S
 from .base import KIND, Action, Array, Load, OnBody, Places, opposed, row
 from .strut import above
+
+exp = in_each(elementary.exp)
 
 
 class Cable(AlongPulleys, OnBody):

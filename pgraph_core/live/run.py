@@ -236,7 +236,7 @@ class LiveRun:
         self.mech, self.plan = mech, replace(plan, drives=drives)
         state = with_state(mech, plan.start, q, v, float(plan.times[0]))
         self.record = Recording(mech, self.plan, *state, plan.tau)
-        if mech.model.controls:
+        if mech.model.stateful:
             begin = self.record.steps.q, self.record.steps.v
             self.record.scene.begin_controls(self.record.start, 0.0, *begin)
             self.record.scene.loads.signals[0][1::2] = 0.0  # values on the way, of no later use

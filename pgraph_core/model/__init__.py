@@ -12,6 +12,7 @@ from ..forces import Cable as Cable
 from ..forces import Drag as Drag
 from ..forces import Force as Force
 from ..forces import Motor as Motor
+from ..forces import Muscle as Muscle
 from ..forces import Servo as Servo
 from ..forces import SpeedServo as SpeedServo
 from ..forces import Spring as Spring

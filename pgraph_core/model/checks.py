@@ -11,6 +11,8 @@ from ..fields import EVERY, GROUND, Described, OfSums, name_problem
 from ..forces import BetweenPoints, Force, OnJoint, Tendon, legs_of
 from ..joints import quaternion_problems
 from ..shapes import KINDS, kind_of
+from ..signals import written
+from ..stateful import Stateful
 from .body import Body
 from .cam import Cam
 from .constraint import Constraint, Coupling, OfOne, OfTwo, Rolling, Sum
@@ -115,7 +117,7 @@ def pair_problems(
             found.append(Problem(where, field, text))
         elif text := unknown(name, bodies, *others):
             found.append(Problem(where, field, text))
-    if body == other and body not in anyone and not part._places:
+    if body == other and body not in anyone and not part._fits_one_body:
         text = f"a body cannot be {_TIED[part.word()]} itself, got '{body}' twice"
         found.append(Problem(where, "other", text))
     return found
@@ -246,6 +248,24 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
         elif springs and not _has_position(body, f.coordinate):
             text = "kp of a servo requires a rotate or translate motion, not a ball joint"
             found.append(Problem(where, "kp", text))
+    return found
+
+
+def muscle_problems(
+    forces: Sequence[Force], controls: Sequence[Control], scenarios: Sequence[Scenario]
+) -> list[Problem]:
+    """Check that each `x.NAME` means one part, and that muscles belong to the model."""
+    known, found = {c.name for c in controls}, list[Problem]()
+    for f in forces:
+        if isinstance(f, Stateful) and f.name in known:
+            text = f"a control is also called {shown(f.name)}, and {written('x', f.name)} would "
+            found.append(Problem(f"force '{f.name}'", "name", f"{text}mean both; rename one"))
+    for s in scenarios:
+        for f in s.forces:
+            if isinstance(f, Stateful):
+                text = f"a {f.own_kind()} has states and belongs to the forces of the model; in a "
+                text += "scenario, let its excitation depend on time, or give `inputs` to the run"
+                found.append(Problem(f"scenario '{s.name}', force '{f.name}'", "kind", text))
     return found
 
 
@@ -397,6 +417,7 @@ def reference_problems(
         *site_problems(sites, bodies),
         *output_problems(outputs, bodies, [s.name for s in sites]),
         *unique("control", [c.name for c in controls]),
+        *muscle_problems(forces, controls, scenarios),
         *loop_problems(controls, forces, ""),
         *varying_problems(
             (constraints, contacts, forces, controls), scenarios,

@@ -395,6 +395,10 @@ class OfTwo(OfOne):
             refuse([("other", text)])
         return self
 
+    @property
+    def _fits_one_body(self) -> bool:
+        return self.coordinate != self.other_coordinate
+
 
 class Gear(OfTwo):
     """A gear with q of the joint of `body` = ratio x q of the joint of `other` + offset."""

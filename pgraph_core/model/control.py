@@ -6,38 +6,25 @@ jumps to a new value at its samples; both are expressions. The kinds differ in t
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, Literal, NamedTuple, Self
+from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
 from ..errors import shown
 from ..fields import Expression, Number, OfKinds, Text, field, listed, refuse
-from ..signals import Node, filled, parsed
+from ..signals import Node, filled
+from ..stateful import Own, Stateful
 from ..units import S
 
 VERSION = 7  # schema version of files that have controls
 KIND = "the name of a kind of control"
-STATE = "state"  # the group of signals that names the states of a control, within its own trees
 
 
 varying: Callable[[float | str], Number | Expression] = listed
 
 
-class Own(NamedTuple):
-    """A state of a control.
-
-    `change` is its rate, or its new value at multiples of `sample` [s] if that is not 0. `start`
-    is its first value.
-    """
-
-    change: Node
-    start: Node
-    sample: float = 0.0
-
-
-class Control(OfKinds):
+class Control(Stateful, OfKinds):
     """A control, whose value is available in expressions as `x.NAME`.
 
     Its first and second state are available as `x.NAME[1]` and `x.NAME[2]`.
@@ -57,31 +44,9 @@ class Control(OfKinds):
         return ()
 
     @property
-    @abstractmethod
-    def own(self) -> tuple[Own, ...]:
-        """The states, in the order of their numbers."""
-
-    @property
     def value(self) -> Node:
         """The value, as an expression of the states and the inputs of the control."""
         return self._state(0)
-
-    def _state(self, k: int) -> Node:
-        return Node("signal", signal=(STATE, self.name, k))
-
-    def _number(self, name: str) -> Node:
-        """Return the value of a field, with a separate instruction so that it can vary."""
-        return Node("name", signal=("", f"{self.name} {name}", 0))
-
-    def _read(self, name: str) -> Node:
-        value = getattr(self, name)
-        return parsed(value) if isinstance(value, str) else self._number(name)
-
-    @property
-    def numbers(self) -> dict[str, float]:
-        """The fields that are numbers, by the names that the trees use."""
-        found = {name: getattr(self, name) for name in type(self).model_fields}
-        return {f"{self.name} {k}": x for k, x in found.items() if isinstance(x, float)}
 
 
 class State(Control):

@@ -14,6 +14,7 @@ from ..fields import AtPoint, Vec3, field, listed, parts_of
 from ..forces import Cable, Force
 from ..functions import Curve
 from ..sentences import in_our_words
+from ..stateful import Stateful
 from . import files
 from .body import Body
 from .cam import Cam
@@ -167,6 +168,11 @@ class Description(World):
     def rubbing(self) -> tuple[Contact, ...]:
         """The contacts with an expression as friction."""
         return tuple(c for c in self.contacts if c._varies)
+
+    @cached_property
+    def stateful(self) -> tuple[Stateful, ...]:
+        """The parts with states that runs integrate: controls, then muscles."""
+        return (*self.controls, *(f for f in self.forces if isinstance(f, Stateful)))
 
     @cached_property
     def notices(self) -> tuple[str, ...]:

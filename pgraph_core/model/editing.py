@@ -13,6 +13,7 @@ from ..forces import Force, OnJoint, Tendon
 from ..pulleys import without_segment
 from ..rotation import multiply, rotate
 from ..signals import signals_in, with_names
+from ..stateful import Stateful
 from .body import JOINT_FIELDS, Body
 from .checks import fits_joint, force_problems, output_problems, state_problems, sum_problems
 from .constraint import Constraint
@@ -397,6 +398,7 @@ def without(
     lost_controls, lost_drives, before = set[str](), set[str](), -1
     while before < (before := len(lost_controls) + len(lost_drives)):  # one may read another
         lost_controls |= {c.name for c in parts["controls"] if reads(c)}
+        lost_controls |= {f.name for f in parts["forces"] if touched(f) and isinstance(f, Stateful)}
         lost_drives |= {f.name for f in parts["forces"] if touched(f)}
     gone = {
         kind: {part.name for part in parts[kind] if touched(part)}

@@ -15,6 +15,7 @@ from ..pulleys import most_segments
 from ..signals import Node, Unreadable, is_expression, parsed, signals_in, with_names, written
 from ..signals.grammar import walk
 from ..signals.meaning import CONSTANTS, TIME, constant, dim_of, fits, places_of, unit
+from ..stateful import Stateful
 from ..units import RAD, Dim, M, N, Q, S
 from .body import Body
 from .constraint import Constraint, Motion, OfOne, Relation
@@ -62,7 +63,9 @@ def renamed_in(part: Described, names: Mapping[str, str], *groups: str) -> dict[
 def groups_of(key: str, part: Any) -> tuple[str, ...]:
     """Return the groups of signals that a part of a model has, which is in the list `key`."""
     if key == "forces":
-        return DRIVEN if isinstance(part, OnJoint) else ("force",) * isinstance(part, TENSE)
+        if isinstance(part, OnJoint):
+            return DRIVEN
+        return ("x",) * isinstance(part, Stateful) + ("force",) * isinstance(part, TENSE)
     return SIGNALS_OF.get(key, ())
 
 
@@ -107,7 +110,8 @@ class Known:
         self._paths = {f.name: f for f in forces if isinstance(f, TENSE)}
         self._kinds = {f.name: f.own_kind() for f in forces}
         self.outputs = {o.name: o for o in outputs}
-        self.controls = {c.name: c for c in controls}
+        self.controls: dict[str, Stateful] = {c.name: c for c in controls}
+        self.controls |= {f.name: f for f in forces if isinstance(f, Stateful)}
 
     def dim(self, node: Node) -> Dim | None:
         """Return the dimension of a signal, None for a value of a control, which fits everything.
@@ -148,10 +152,10 @@ class Known:
         control = self.controls.get(name)
         if control is None:
             do = nearest_name(name, self.controls) if self.controls else "the model has none"
-            raise Unreadable(node.column, f"no control is named {shown(name)}; {do}")
+            raise Unreadable(node.column, f"no control or muscle is named {shown(name)}; {do}")
         if k > (count := len(control.own)):
-            text = f"control {shown(name)} has entry 0 (its value) and states 1 to {count}, got "
-            raise Unreadable(node.column, f"{text}{k}")
+            text = f"{shown(name)} has entry 0 (its value) and states 1 to {count}, got {k}"
+            raise Unreadable(node.column, f"{control.word()} {text}")
 
     def of(self, group: str) -> Mapping[str, Any]:
         """Return the parts by name that have signals of a group."""
@@ -365,7 +369,7 @@ def read_through(part: Described, controls: Sequence[Control]) -> list[Control]:
     """Return the controls that a part reads, also through others."""
     known, found = {c.name: c for c in controls}, dict[str, Control]()
     left = controls_read(part)
-    while new := left - found.keys():
+    while new := (left & known.keys()) - found.keys():
         name = new.pop()
         found[name] = known[name]
         left |= controls_read(known[name])

@@ -54,7 +54,7 @@ class Station(NamedTuple):
 
     @property
     def slips(self) -> bool:
-        """Whether it is a wheel with friction."""
+        """True if it is a wheel with friction."""
         return bool(self.pulley.friction)
 
 

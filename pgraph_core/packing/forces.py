@@ -78,8 +78,9 @@ class Placed:
             return ModelError(Problem(f"{cable.word()} '{cable.name}'", field, text))
 
         found = segments(cable.through, cable.closed, self, self._model, self.packed, refuse)
-        if cable.length is not None and len(found) > 1:
-            raise refuse(one_length(cable.own_kind(), len(found)), "length")
+        chains = sum(one.number == 0 for one in found)  # segments between grips
+        if cable.length is not None and chains > 1:
+            raise refuse(one_length(cable.own_kind(), chains), "length")
         return found
 
     def path_rows(self, forces: Sequence[Force]) -> list[tuple[str, range]]:
@@ -109,7 +110,8 @@ def loads(
 ) -> Loads:
     """Pack the loads in `forces`, given the bodies' poses in the initial state `home`."""
     at = Placed(model, topology, packed, home)
-    tables = (_loads(kind, [f for f in forces if type(f) in kind.parts], at) for kind in LOADS)
+    ours = [[f for f in on_bodies(forces) if type(f) in kind.parts] for kind in LOADS]
+    tables = (_loads(kind, own, at) for kind, own in zip(LOADS, ours))
     return Loads(*tables, NO_SIGNALS)
 
 

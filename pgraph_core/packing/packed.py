@@ -19,8 +19,11 @@ from ..engine.signals import first_values
 from ..engine.tree import bodies
 from ..errors import Problem, shown
 from ..fields import GROUND
+from ..forces import Muscle
+from ..forces.muscle import fibre_at_rest
 from ..joints import DIRECTED, TRACKED, code_of, slides
 from ..model import Body, Force, Model
+from ..stateful import Stateful
 from ..topology import Topology
 from . import Array, Arrays, Drives, Ints, Loads, System, length_in, numbers, quaternions, system
 from .constraints import Blocks, blocks
@@ -102,13 +105,21 @@ class Packed:
         made._arrays = made.rows, made.const, bodies_i, bodies_f, home
         return made
 
-    def with_states(self, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return q and v at the start time t, followed by the initial control states."""
+    def with_states(self, t: float, q: Array, v: Array, signals: Any = None) -> tuple[Array, Array]:
+        """Return q and v at the start time t, followed by the initial states of controls and
+        muscles, by the `signals` of a run's loads with its inputs, or those of the model.
+        """
         if self.run is self:
             return q, v
-        signals, none = self.loads((), states=True).signals, np.zeros(self.run.nv - self.nv)
+        signals = self.loads((), states=True).signals if signals is None else signals
+        none = np.zeros(self.run.nv - self.nv)
         q, v = np.append(q[: self.nq], none), np.append(v[: self.nv], none)
         first_values(signals[0].copy(), signals[2], t, q, v)
+        for i in np.flatnonzero(np.isnan(v[self.nv :])).tolist():  # fibres, behind activations
+            muscle = states_of(self.model)[i][0]
+            assert isinstance(muscle, Muscle)
+            at_q = Placed(self.model, self.topology, self.system, self.poses(q))
+            v[self.nv + i] = fibre_at_rest(muscle, at_q, v[self.nv + i - 1])
         return q, v
 
     @cached_property
@@ -258,11 +269,12 @@ class Packed:
         comparisons in `watched` change, with `bent` where a force or a relation has a bend, and
         with `touching` where soft and penalty contacts touch.
         """
+        states = states or any(isinstance(f, Stateful) for f in forces)
         found = NO_LOADS
         if on_bodies(forces):
             found = loads(self.model, self.topology, self.system, forces, self.home_poses)
         rubbing = self.model.rubbing if states else ()
-        acts = any(f._varies for f in forces) or rubbing or (states and self.model.controls)
+        acts = any(f._varies for f in forces) or rubbing or (states and self.model.stateful)
         bent = bent and self.bend(forces)
         if not (acts or watched or bent or touching):
             return found

@@ -28,11 +28,11 @@ from ..fields import EMPTY
 from ..forces import Driven, LinearActuator, OnJoint, Strut
 from ..forces.strut import bends
 from ..functions import corners_of
-from ..model import Body, Control, Force, Relation
-from ..model.control import STATE
+from ..model import Body, Force, Relation
 from ..signals import Node, parsed
 from ..signals.grammar import COMPARISONS, walk
 from ..signals.meaning import CONSTANTS
+from ..stateful import STATE, Stateful
 from . import Array, Ints
 
 OPERATIONS = {
@@ -52,7 +52,8 @@ class Program:
 
     def __init__(
         self, parameters: Mapping[str, float], places: Any = None,
-        controls: Mapping[str, Control] = EMPTY, forces: Sequence[Force] = (), holds: bool = False,
+        controls: Mapping[str, Stateful] = EMPTY, forces: Sequence[Force] = (),
+        holds: bool = False,
     ):  # fmt: skip
         """Create an empty program. `places(group, name, k)` returns the readers of a signal.
 
@@ -90,7 +91,7 @@ class Program:
         self.rows.append((float(kernels.NUMBER), 0.0, 0.0, 0.0, float(x)))
         return len(self.rows) - 1
 
-    def sampling(self, control: Control) -> Operand:
+    def sampling(self, control: Stateful) -> Operand:
         """Return the instruction with the time between the samples of a control."""
         return self.parameter(f"{control.name} sample")
 

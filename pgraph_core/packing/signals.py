@@ -22,11 +22,11 @@ from ..engine.stepping.measured import (
 from ..errors import ModelError, Problem, choices
 from ..forces import LOADS, Cable, LinearActuator, OnBody, OnJoint, Strut, Wrench
 from ..forces.strut import PULL
-from ..model import Contact, Control, Force, Model, Rope
-from ..model.control import STATE, Own
+from ..model import Contact, Force, Model, Rope
 from ..model.expressions import TENSE
 from ..pulleys import segment_names
 from ..signals import parsed, written
+from ..stateful import STATE, Own, Stateful
 from ..topology import Topology
 from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates
 from .programs import Operand, Program
@@ -121,7 +121,7 @@ class Places:
             yield program.pull(f), first, 1, PULL
         elif isinstance(f, Wrench):
             yield from ((x, first, count, k) for x, k in self._of_wrench(program, f))
-        else:
+        elif not isinstance(f, Stateful):  # its knots get its states
             for column, name in enumerate(f.VARIES):
                 if isinstance(value := getattr(f, name), str):
                     yield program.value(value), first, count, column
@@ -136,9 +136,15 @@ class Places:
                 yield from zip(own, range(first, first + 3))
 
 
-def states_of(model: Model) -> list[tuple[Control, int, Own]]:
-    """Return (control, number, state) of every state of the controls, in the order of v."""
-    return [(c, k, own) for c in model.controls for k, own in enumerate(c.own)]
+def states_of(model: Model) -> list[tuple[Stateful, int, Own]]:
+    """Return (part, number, state) of every state of controls and muscles, in the order of v."""
+    return [(c, k, own) for c in model.stateful for k, own in enumerate(c.own)]
+
+
+def excitations_of(model: Model, states: Array) -> dict[str, int]:
+    """Return the rows in the program of the constant inputs of parts with states, by name."""
+    given = states[:, kernels.GIVEN].tolist()
+    return {c.name: 2 * row for (c, _, _), row in zip(states_of(model), given) if row >= 0}
 
 
 def number_of_cable(model: Model, cable: Cable) -> int:
@@ -178,7 +184,8 @@ def signals(
     in `watched`. If `bent` is set, they also end at bounds and bends of forces and where the second
     derivative of a relation jumps, and if `touching` is set, where soft and penalty contacts touch.
     """
-    controls = {c.name: c for c in model.controls}
+    acting = {f.name: f for f in forces if isinstance(f, Stateful)}  # with the inputs of the run
+    controls = {c.name: acting.get(c.name, c) for c in model.stateful}
     known = (*known_forces(model), *named, *forces)
     program = Program(model.parameters, places, controls, known, holds=True)
     targets = list[tuple[int, ...]]()
@@ -189,12 +196,14 @@ def signals(
         for part in table[0].parts
         if any(other.VARIES for other in table[0].parts)
     }
-    owner = 0
+    owner, knots_of = 0, dict[str, tuple[int, int]]()
     for f in forces:
         found = list[tuple[int, ...]]()
         if isinstance(f, OnBody) and type(f) in tables:
             _, kind, table = tables[type(f)]
             row, given = next(table), ()
+            if isinstance(f, Stateful):
+                knots_of[f.name] = kind, int(row["first_knot"])
             if f._varies:
                 given = places.of_load(program, f, row)
             found = [(x, kind, *where) for x, *where in given]
@@ -208,9 +217,18 @@ def signals(
         targets.append((program.value(str(c.friction)), LAW, model.contacts.index(c), 0, 0, k, 0))
     numbers = {name: i for i, name in enumerate(controls)}
     states = list[tuple[int, ...]]()
-    for c, _, own in states_of(model):
+    for c, k, _ in states_of(model):
+        own = controls[c.name].own[k]
         sample = program.sampling(c) if own.sample else -1
-        states.append((program.of(own.change), sample, program.of(own.start), numbers[c.name], 0))
+        change = -1 if own.change is None else program.of(own.change)
+        column = own.column or 0
+        place = 0, 0
+        if own.column is not None:
+            place = knots_of.get(c.name, place)
+        given = -1 if own.given is None else program.of(own.given)
+        states.append(
+            (change, sample, program.of(own.start), numbers[c.name], 0, *place, column, given)
+        )
     owners, own = (
         np.array(x, np.int64).reshape(-1, n) for x, n in ((targets, TARGETS), (states, STATES))
     )
@@ -240,7 +258,7 @@ def values_of(
     """Return the values {control: (n,)} of controls at times (n,), in states of a run with these
     forces.
     """
-    controls = {c.name: c for c in model.controls}
+    controls = {c.name: c for c in model.stateful}
     if not controls:
         return {}
     places = packed.places()

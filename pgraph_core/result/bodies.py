@@ -12,7 +12,7 @@ from ..dynamics.scene import load_wrenches, rope_spans, segments_of
 from ..dynamics.states import BodyMotion, bodies_over, turned
 from ..engine import layout as at
 from ..forces import Driven, OnJoint
-from ..model import Force, Model, Rope
+from ..model import Constraint, Force, Model, Rope
 from ..model.cam import Cam
 from ..model.expressions import wanted
 from ..packing import Array

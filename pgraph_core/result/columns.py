@@ -17,6 +17,7 @@ import numpy as np
 from .. import words
 from ..dynamics.arguments import finite
 from ..errors import InputError, NameLookupError, Problem, choices, needed, shown
+from ..forces import Muscle
 from ..joints import units_of
 from ..packing import Array
 from ..packing.signals import states_of
@@ -76,9 +77,21 @@ def columns_of(run: Any, bodies: bool = False) -> dict[str, Column]:
 
 
 def _controls(run: Any) -> dict[str, Column]:
-    """Return the values of controls, and the states that stand behind them, numbered from 1."""
-    found = {f"x.{name}": Column("1", value) for name, value in run.controls.items()}
+    """Return the values of controls, and the states that stand behind them, numbered from 1.
+
+    Those of a muscle are its activation and the length of its fibre.
+    """
+    muscles = [f for f in run.mechanism.model.stateful if isinstance(f, Muscle)]
+    found = {f"activation.{f.name}": Column("1", run.controls[f.name]) for f in muscles}
+    of_muscles = {f.name: f for f in muscles}
+    for name, value in run.controls.items():
+        if name not in of_muscles:
+            found[f"x.{name}"] = Column("1", value)
     for (control, k, _), x in zip(states_of(run.mechanism.model), run.states.T):
+        if control.name in of_muscles:
+            if k == 1:
+                found[f"fibre.{control.name}"] = Column("m", x * of_muscles[control.name].l_opt)
+            continue
         if not np.array_equal(x, run.controls[control.name], equal_nan=True):
             found[f"x.{control.name}.{k + 1}"] = Column("1", x)
     return found

@@ -368,7 +368,7 @@ def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> d
     header = dict(json.loads(str(_array(file, "header", 4 * LARGEST))))
     description, folder = json.dumps(header.pop("model")), Path(path).parent
     model = Model.from_json(description, source=str(path), folder=folder, roots=roots)
-    arrays = arrays_of(file, len(model.bodies) + len(model.controls))
+    arrays = arrays_of(file, len(model.bodies) + len(model.stateful))
     n = len(arrays["t"])
     arrays.setdefault("states", np.zeros((n, 0)))  # older files have none
     arrays.setdefault("state_error_at", np.full((n, arrays["states"].shape[1]), np.nan))

@@ -122,7 +122,7 @@ def _parts(record: Running, owners: Ints, controls: Ints) -> list[Force | Contac
     parts: list[Force | Contact | Control] = [
         record.plan.varying[i] for i in np.unique(owners).tolist()
     ]
-    return parts + [record.mech.model.controls[i] for i in np.unique(controls).tolist()]
+    return parts + [record.mech.model.stateful[i] for i in np.unique(controls).tolist()]
 
 
 def _contradicted(record: Running) -> str:

@@ -181,6 +181,7 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
     bent = plan.method.order > 1
     loads = _loads(mech, forces, plan.conditions, bent, bent and plan.yields)
     start = initial_state(mech, given, q, v, tau, begin)
+    start = mech.packed.with_states(begin, *start, loads.signals)
     if contacts is not None:
         contacts = contact_tables(mech.packed, touching_contacts(mech, given))
         contacts = stepped_tables(mech.packed, contacts, drives)

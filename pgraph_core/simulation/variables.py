@@ -19,7 +19,7 @@ from ..engine.arrays import DESCRIBED, SCENE_OF_DUALS
 from ..engine.compiler.kinds import F1, carrying, group
 from ..engine.signals import JUMPING, SAMPLE
 from ..errors import InputError, ModelError, PgraphError, Problem, shown
-from ..forces import OnJoint
+from ..forces import Muscle, OnJoint
 from ..mechanism import Mechanism
 from ..packing import Array
 from ..packing.forces import times_at_bounds
@@ -36,7 +36,9 @@ CENTRAL = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 ONE_SIDED = {0: -49 / 20, 1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}
 KEPT_SLOPES = 32_768  # numbers in the slopes that a plan keeps
 SHARE = step_of_differences(6)  # step of differences over the size of a number
-FINER = 3  # steps of differences, each a sixteenth of the last, that are tried beside idle parts
+# steps of differences, each a sixteenth of the last, that are tried beside idle parts and for the
+# equilibrium in which muscles begin
+FINER = 3
 START = group(carrying(F1), carrying(F1))
 
 
@@ -137,11 +139,14 @@ def _coordinate(given: Given, kind: str, name: str, call: str) -> Variable:
         text = "is a component of a quaternion and cannot vary independently"
         raise InputError(Problem(call, f"{kind}.{name}", text))
     start, t = given.plan.start, float(given.plan.times[0])
+    signals = given.plan.loads.signals
 
     def made(x: float) -> tuple[Mechanism, RunPlan]:
         state = [part.copy() for part in start]
         state[kind == "v"][index] = x
-        return mech, replace(given.plan, start=mech.packed.with_states(t, *state))
+        return mech, replace(
+            given.plan, start=mech.packed.with_states(t, state[0], state[1], signals)
+        )
 
     present = float(start[kind == "v"][index])
     alone = mech.packed.run is mech.packed  # no state of a control starts from it
@@ -329,14 +334,17 @@ class Slopes:
             found[(-self._nv if kind else self._end) + place] = 1.0
             return self._parts(found)
         found = self._by_differences(variable, h := variable.step(), end)
-        if variable.idle is None or found.straight:
+        curved = any(isinstance(f, Muscle) for f in self._given.mech.model.forces)
+        if found.straight or not (curved or variable.idle is not None):
             return self._parts(found.slope)
-        for _ in range(FINER):  # no size says how far the packed numbers go on smoothly
+        for _ in range(FINER):  # no size says how far the numbers go on smoothly
             before, h = found.slope, h / 16.0
             found = self._by_differences(variable, h)
             size = max(1.0, float(np.abs(found.slope).max()))
             if np.abs(found.slope - before).max() <= NOTABLE * size:
                 return self._parts(found.slope)
+        if variable.idle is None:
+            return self._parts(found.slope)
         raise _idle(variable)
 
     def _by_differences(self, variable: Variable, h: float, end: Flat | None = None) -> Differences:

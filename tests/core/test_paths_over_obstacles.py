@@ -161,9 +161,12 @@ OVER_HINGES = (
 
 
 def test_an_arm_with_a_spring_over_its_hinges_keeps_its_energy():
-    run = pg.simulate(arm(*OVER_HINGES), t_end=10.0, **CALM)
+    """It swings within a turn over drums: from a ball it slips, and a full turn unwinds it."""
+    drums = {**OVER_HINGES[0], "axis": UP}, OVER_HINGES[1]
+    model = arm(*drums).edit("s", stiffness=3.0, rest=None)
+    run = pg.simulate(model, v=[0.3, -0.2], t_end=10.0, **CALM)
     total = run.kinetic_energy + run.potential_energy
-    assert np.ptp(run.kinetic_energy) > 0.2
+    assert np.ptp(run.kinetic_energy) > 0.01
     assert np.ptp(total) < 1e-9 * total.max()
 
 

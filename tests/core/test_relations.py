@@ -405,3 +405,23 @@ def test_steps_end_where_the_second_derivative_jumps(curve):
     ]
     assert errors[1] < 1e-8
     assert errors[0] / errors[1] > 8.0
+
+
+@pytest.mark.parametrize("kind", ["relation", "gear"])
+def test_a_coordinate_follows_another_one_of_its_joint(kind):
+    given: dict[str, Any] = {"curve": "=0.1*sin(q)"} if kind == "relation" else {"ratio": 0.1}
+    body = pg.Body(
+        name="nut", joint="cylindrical", axes=((0, 0, 1), (0, 0, 1)), mass=1.0, com=(0.1, 0, 0),
+        inertia=(0.01, 0.01, 0.01),
+    )  # fmt: skip
+    ends = {"body": "nut", "coordinate": 1, "other": "nut", "other_coordinate": 0}
+    follows = pg.Constraint(name="thread", kind=kind, **ends, **given)
+    mech = pg.Mechanism(pg.Model(bodies=[body], constraints=[follows]))
+    run = mech.simulate(t_end=1.0, method="dop853", rtol=1e-9)
+    turn, lift = run.q.T
+    expected = 0.1 * np.sin(turn) if kind == "relation" else 0.1 * turn
+    np.testing.assert_allclose(lift, expected, atol=1e-12)
+    assert run.energy_drift < 1e-6
+    assert abs(turn[-1]) > 0.5
+    with pytest.raises(pg.ModelError, match="itself"):
+        mech.model.edit("thread", kind="constraint", coordinate=0)

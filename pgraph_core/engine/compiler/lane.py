@@ -41,6 +41,11 @@ def by_lanes(of_lanes: Any, of_numbers: Any) -> Any:
     return late("lane", "by_lanes", of_lanes, of_lanes, of_numbers)
 
 
+def numbers_alone(exert: Any) -> Any:
+    """Return `exert` of a load whose runs take no lanes, in which it does nothing."""
+    return late("lane", "numbers_alone", exert, exert)
+
+
 def in_lanes_of(kind: Any) -> Any:
     """Return a function that views a float64 array (records, words, W) as records in lanes."""
     return late("records", "in_lanes_of", None, kind)

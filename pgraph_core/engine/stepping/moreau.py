@@ -70,11 +70,18 @@ from ..contact.meeting import first_meeting, hits_at_once, state_at
 from ..contact.newton import TRANSIENT
 from ..contact.passing import keep_poses, note_passages
 from ..drives import at_its_limit
-from ..motion import call_acceleration, call_contact_forces, energies, follow, opened
+from ..motion import (
+    call_acceleration,
+    call_contact_forces,
+    energies,
+    find_rates,
+    follow,
+    opened,
+)
 from ..rows import (
     set_kept,
 )
-from ..signals import put_rates
+from ..signals import gives_rates, put_rates
 from ..tree.kinematics import positions
 from ..tree.moving import advance
 from ..tree.spinning import SPIN, keep_gyrating, keep_spinning
@@ -416,7 +423,9 @@ def move_states(scene, t, h, q, v, start, out, rates):
     """
     data = opened(scene)
     follow(data, t, q, v)
-    put_rates(data.loads.signals, rates)
+    if gives_rates(data.loads.signals[2]):
+        find_rates(data, t, q, v)
+    put_rates(data.loads.signals, data.loads, rates)
     for j in range(v.shape[0] - data.loads.signals[2].shape[0], v.shape[0]):
         out[j] = start[j] + h * rates[j]
 

@@ -454,3 +454,24 @@ def by_lanes(of_lanes: Any, of_numbers: Any) -> Any:
         return lambda rows, work, q: of_numbers(rows, work, q)
 
     return of_any
+
+
+def numbers_alone(of_numbers: Any) -> Any:
+    """Return `exert` of a load for arrays of numbers, which does nothing for arrays of lanes."""
+
+    def of_any(
+        one: Any, knots: Any, vias: Any, work: Any, linear: Any, q: Any, t: Any, to: Any
+    ) -> Any:
+        return of_numbers(one, knots, vias, work, linear, q, t, to)
+
+    @overload(of_any, jit_options=INLINED, strict=False)
+    def _of_any(
+        one: Any, knots: Any, vias: Any, work: Any, linear: Any, q: Any, t: Any, to: Any
+    ) -> Any:
+        if isinstance(q.dtype, Lane):
+            return lambda one, knots, vias, work, linear, q, t, to: (0.0, 0.0)
+        return lambda one, knots, vias, work, linear, q, t, to: of_numbers(
+            one, knots, vias, work, linear, q, t, to
+        )
+
+    return of_any
