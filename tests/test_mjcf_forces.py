@@ -512,3 +512,11 @@ def test_actuators_that_no_path_has_are_left_out_by_name(tmp_path, old, new, fac
     assert not report.loaded
     assert fact in texts(report, "left out")
     assert "'p'" in texts(report, "left out")
+
+
+def test_a_tendon_with_armature_keeps_its_spring(tmp_path):
+    xml = ROPED.format(slack="0.9 0.9", damping=3, via="", limits=' armature="2"')
+    model, report = read(tmp_path, xml)
+    assert not report.loaded
+    assert "armature 2" in texts(report, "left out")
+    assert (model["rope"].stiffness, model["rope"].rest) == (200.0, 0.9)

@@ -219,6 +219,67 @@ def test_pictures_are_shapes_that_do_not_touch_and_missing_files_are_named(
     assert_names(str(report), "lost.vtp", "roots")
 
 
+MUSCLE = """<Thelen2003Muscle name="hamstring"><GeometryPath name="path"><PathPointSet><objects>
+<PathPoint name="a"><socket_parent_frame>/ground</socket_parent_frame><location>0.1 0.2 0</location>
+</PathPoint><PathPoint name="b"><socket_parent_frame>/ground</socket_parent_frame>
+<location>0.1 0 0</location></PathPoint><PathPoint name="c">
+<socket_parent_frame>/bodyset/leg</socket_parent_frame><location>0.02 -0.8 0</location></PathPoint>
+</objects></PathPointSet><PathWrapSet><objects><PathWrap name="w"><wrap_object>round</wrap_object>
+<range>-1 -1</range></PathWrap></objects></PathWrapSet></GeometryPath>
+<max_isometric_force>800</max_isometric_force><optimal_fiber_length>0.1</optimal_fiber_length>
+<tendon_slack_length>0.5</tendon_slack_length><KshapePassive>4</KshapePassive>
+<default_activation>0.3</default_activation></Thelen2003Muscle>"""
+WRAP = """<WrapObjectSet><objects><WrapCylinder name="round"><quadrant>{}</quadrant>
+<translation>0 -0.3 0</translation><radius>0.05</radius><length>0.1</length></WrapCylinder>
+</objects></WrapObjectSet></Body>"""
+
+
+def test_a_muscle_has_its_numbers_and_its_path_over_the_nearest_span(read):
+    leg = LEG.replace("</Body>", WRAP.format("-x"))
+    controller = """<PrescribedController name="c"><actuator_list>hamstring</actuator_list>
+    <FunctionSet name="ControlFunctions"><objects><Constant><value>0.4</value></Constant></objects>
+    </FunctionSet></PrescribedController>"""
+    model, report = read(bodies=leg, ForceSet=MUSCLE, ControllerSet=controller)
+    assert report.loaded
+    assert_names("\n".join(model.lost), "cylinders")
+    (muscle,) = model.forces
+    assert (muscle.model, muscle.f_max, muscle.l_opt, muscle.l_slack) == (
+        "thelen2003",
+        800,
+        0.1,
+        0.5,
+    )
+    assert (muscle.shape, muscle.start, muscle.excitation) == ({"passive_shape": 4.0}, 0.3, 0.4)
+    assert (muscle.body, muscle.point, muscle.other) == ("leg", (0.02, -0.8, 0), "ground")
+    obstacle, point = muscle.via
+    assert (obstacle.point, obstacle.radius, obstacle.axis) == ((0, -0.3, 0), 0.05, (0, 0, 1))
+    assert obstacle.side == pytest.approx((-0.1, -0.3, 0))
+    assert (point.body, point.point) == ("ground", (0.1, 0, 0))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fact"),
+    [
+        ('PathPoint name="b"', 'ConditionalPathPoint name="b"', "conditional"),
+        ("Thelen2003Muscle", "Schutte1993Muscle_Deprecated", "Schutte1993Muscle"),
+    ],
+)
+def test_a_muscle_that_has_no_counterpart_is_a_named_loss(read, old, new, fact):
+    force = MUSCLE.replace(old, new)
+    if "Conditional" in new:
+        force = force.replace(
+            "<location>0.1 0 0</location></PathPoint>",
+            """<location>0.1 0 0
+        </location><socket_coordinate>/jointset/hip/flexion</socket_coordinate>
+        <range>0 1</range></ConditionalPathPoint>""",
+        )
+    leg = LEG.replace("</Body>", WRAP.format("all"))
+    model, report = read(bodies=leg, ForceSet=force)
+    assert not report.loaded
+    assert not model.forces
+    assert_names("\n".join(model.lost), fact, "hamstring")
+
+
 # -- bad input -------------------------------------------------------------------------------------
 
 SPLINED = custom("a b", rotation1=("a", "0 0 1", LINE), translation1=("b", "1 0 0", BEND))

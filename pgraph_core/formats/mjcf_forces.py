@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..errors import choices, needed, shown
-from ..fields import GROUND
-from ..forces import LinearActuator, Strut, Via
+from ..forces import LinearActuator, Muscle, Strut
 from ..forces.bushing import Bushing
 from ..forces.strut import Lines
 from ..model import Actuator, Drag, Force, Motor, Servo, SpeedServo, Spring, Tendon, Wrench
-from ..rotation import matrix, unit
+from ..rotation import unit
 from .conversion import NO_LIMIT, unused
 from .mjcf_compiled import BALL, FREE, MINVAL, Reading
+from .mjcf_muscles import is_muscle, muscle_of, why_not
+from .mjcf_tendon_paths import ALONG_JOINT, TendonPaths
 
 Array = np.ndarray
 TENDON = 3  # mjtEq
-ALONG_JOINT, PULLEY, SITE, SPHERE, CYLINDER = range(1, 6)  # mjtWrap
 ON_JOINT, ON_TENDON = (0, 1), 3  # mjtTrn: (joint, joint in parent), tendon
 INTEGRATOR, FILTERS = 1, (2, 3)  # mjtDyn: integrator, (filter, filterexact)
 GROUPS = 31  # number of actuator groups that MuJoCo can switch off, 0 to 30
@@ -31,7 +31,7 @@ class Sums(dict[int, float]):
     """The coefficients of a linear combination of joint coordinates, by joint."""
 
 
-class Forces:
+class Forces(TendonPaths):
     """The forces of a model."""
 
     def __init__(self, reader: Reading):
@@ -297,78 +297,13 @@ class Forces:
         if ends:
             yield Spring(name=f"limits of {name}", rest=longest, **path, **ends)
 
-    def _path(self, t: int) -> dict[str, Any] | str:
-        """Return the fields of the path of a tendon over sites and around geoms.
-
-        It is {} if the path lies on one body, or a text about why there is none.
-        """
-        first = int(self.m.tendon_adr[t])
-        parts = range(first, first + int(self.m.tendon_num[t]))
-        if text := self._unlike_path(parts):
-            return text
-        places = list[Via]()
-        for w in parts:
-            one = self._site(w) if self.m.wrap_type[w] == SITE else self._obstacle(w)
-            places += [one] if one not in places[-1:] else []
-        if len({place.body for place in places}) == 1:
-            return {}
-        if places[0].body == GROUND:
-            places.reverse()
-        start, *via, end = places
-        if start.body == GROUND:
-            return "a tendon with both ends on the ground"
-        return {
-            "body": start.body, "other": end.body, "point": start.point,
-            "other_point": end.point, "via": via,
-        }  # fmt: skip
-
-    def _unlike_path(self, parts: Sequence[int]) -> str:
-        """Return a text about what a path cannot be of a tendon, or ""."""
-        m = self.m
-        if any(m.wrap_type[w] == PULLEY for w in parts):
-            return "a tendon with pulleys"
-        around = [w for w in parts if m.wrap_type[w] != SITE]
-        sides = [int(m.wrap_prm[w]) for w in around]
-        bodies = (m.geom_bodyid[m.wrap_objid[w]] for w in around)
-        if any(s >= 0 and m.site_bodyid[s] != b for s, b in zip(sides, bodies)):
-            return "a tendon around a geom whose sidesite is on another body"
-        return ""
-
-    def _site(self, w: int) -> Via:
-        site = int(self.m.wrap_objid[w])
-        return self._via(self.m.site_bodyid[site], self.m.site_pos[site])
-
-    def _via(self, b: int, place: Any, **fields: Any) -> Via:
-        point = tuple((place - self.reader.pivot[b]).tolist())
-        return Via(body=self.reader.names[b], point=point, **fields)
-
-    def _obstacle(self, w: int) -> Via:
-        """Create an obstacle for the sphere or cylinder around which a tendon goes."""
-        m, g, side = self.m, int(self.m.wrap_objid[w]), int(self.m.wrap_prm[w])
-        b = int(m.geom_bodyid[g])
-        given: dict[str, Any] = {"radius": float(m.geom_size[g, 0])}
-        if m.wrap_type[w] == CYLINDER:
-            given["axis"] = tuple(matrix(m.geom_quat[g])[:, 2].tolist())
-        if self._inside(w):
-            given["inner"] = True
-        elif side >= 0:
-            given["side"] = self._via(b, m.site_pos[side]).point
-        return self._via(b, m.geom_pos[g], **given)
-
-    def _inside(self, w: int) -> bool:
-        """Check whether a sidesite lies within the radius of its geom, so that the tendon goes
-        through it."""
-        m, g, side = self.m, int(self.m.wrap_objid[w]), int(self.m.wrap_prm[w])
-        if side < 0:
-            return False
-        apart = m.site_pos[side] - m.geom_pos[g]  # of a cylinder, too
-        return bool(np.linalg.norm(apart) < m.geom_size[g, 0])
-
     def _actuator(self, a: int, name: str) -> Force | None:
         """Return the force of an actuator, gear x (gain u + b0 + b1 length + b2 rate)."""
         m, kind = self.m, int(self.m.actuator_trntype[a])
         target = int(m.actuator_trnid[a, 0])
         sums = self._moved(a)
+        if is_muscle(m, a):
+            return self._muscle(a, name)
         if why := self._strange(a):
             self.reader.left_out("actuator", name, why)
             return None
@@ -410,6 +345,26 @@ class Forces:
         bias = [float(x) if affine else 0.0 for x in m.actuator_biasprm[a, :3]]
         return float(m.actuator_gear[output, 0]), float(m.actuator_gainprm[a, 0]), bias
 
+    def _muscle(self, a: int, name: str) -> Muscle | None:
+        """Return the muscle of an actuator along the path of a tendon."""
+        m, (output, _) = self.m, self._channel(a)
+        gear = float(m.actuator_gear[output, 0])
+        text: Any = "a muscle that does not act along a tendon over sites"
+        if m.actuator_trntype[a] == ON_TENDON and self._moved(a) is None:
+            text = why_not(m, a, gear) or self._path(int(m.actuator_trnid[a, 0]))
+        if isinstance(text, str):
+            self.reader.left_out("actuator", name, text)
+        if isinstance(text, str) or not text:
+            return None
+        fields = {**text, **muscle_of(m, a, gear)}
+        (low, high), (least, most) = self._range("ctrl", a), self._range("act", a)
+        if high < 1.0 or least > 0.0 or most < 1.0:
+            text = "a muscle whose control or activation is held below 1, or its activation above 0"
+            self.reader.left_out("actuator", name, text)
+        if low > 0.0:
+            fields["weakest"] = low
+        return Muscle(name=name, **fields)
+
     def _along_path(self, a: int, name: str) -> LinearActuator | None:
         """Return the force of an actuator along the path of a tendon."""
         m, t = self.m, int(self.m.actuator_trnid[a, 0])
@@ -436,7 +391,8 @@ class Forces:
         elif shared > 1:
             self._tell_shared(name)
         fields = {key: x + 0.0 for key, x in fields.items() if np.isfinite(x)}
-        return LinearActuator(name=name, **path, **fields, **bounds)
+        given: dict[str, Any] = {**path, **fields, **bounds}
+        return LinearActuator(name=name, **given)
 
     def _forces_of(self, a: int) -> tuple[float, float, int]:
         """Return the least and greatest force of an actuator and its tendon, before its gear.

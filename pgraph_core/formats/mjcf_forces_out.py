@@ -7,11 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from ..forces import BetweenPoints, OnJoint, Strut, Via, ends_of, legs_of, path_of
+from ..forces import (
+    BetweenPoints,
+    Driven,
+    LinearActuator,
+    Muscle,
+    OnJoint,
+    Strut,
+    Via,
+    ends_of,
+    legs_of,
+    path_of,
+)
 from ..forces.strut import bends
 from ..model import Body, Drag, Model, Spring, Tendon, Wrench
 from ..rotation import frame_of, matrix, quaternion_of, unit, unit_vector
 from ..tolerances import SOLVED
+from .mjcf_muscles import numbers_of
 from .mjcf_parts import end_name
 from .mjcf_places_out import Places, span
 from .urdf_out import Tag
@@ -40,7 +52,7 @@ class ForcesOut(Places):
                 self._spatial(f, **numbers, springlength=self.rests[f.name], **limits)
             elif isinstance(f, Strut) and (numbers := of_strut(f)):
                 self._spatial(f, **numbers)
-            elif isinstance(f, LinearActuator):
+            elif isinstance(f, LinearActuator) or (isinstance(f, Muscle) and f.model == "mujoco"):
                 self.paths[f.name] = self._spatial(f)
             elif isinstance(f, Tendon):
                 self._tendon(f)
@@ -50,8 +62,8 @@ class ForcesOut(Places):
         legs = legs_of(f, self.model.body(f.body)) if isinstance(f, BetweenPoints) else ()
         return (past for _, past, _ in legs)
 
-    def _spatial(self, f: Spring | Strut, **given: Any) -> None:
-        """Write the tendon of a force along a path."""
+    def _spatial(self, f: BetweenPoints, **given: Any) -> str:
+        """Write the tendon of a force along a path, and return its name."""
         body = self.model.body(f.body)
         start, *_, end = path_of(f, body)
         places = [(None, start), *((via, (via.body, via.point)) for via in f.via), (None, end)]
@@ -120,6 +132,8 @@ class ForcesOut(Places):
                 yield from self._actuator(f, where)
             elif isinstance(f, LinearActuator):
                 yield from self._along_path(f, where)
+            elif isinstance(f, Muscle):
+                yield from self._muscle(f, where)
             elif f._varies:
                 self.out(where, f"an expression in a {f.kind}")
             elif isinstance(f, Strut) and not of_strut(f):
@@ -186,6 +200,15 @@ class ForcesOut(Places):
         if np.isfinite(f.forces).any():
             one.set(forcerange=span(*f.forces))
         yield one
+
+    def _muscle(self, f: Muscle, where: str) -> Iterator[Tag]:
+        """Yield the actuator of a muscle."""
+        if f.name not in self.paths:
+            self.out(where, f"a muscle of model '{f.model}'; MuJoCo has its own alone")
+            return
+        if f.pennation or f.excitation != 0.0 or f.start or f.damping or f.weakest:
+            self.out(where, "pennation, excitation, start, damping and weakest of a muscle")
+        yield Tag("general", name=f.name, tendon=self.paths[f.name], **numbers_of(f))
 
     def _given(self, f: Driven, where: str) -> float:
         """Return the input that is a part of the bias, since MuJoCo starts at control 0."""

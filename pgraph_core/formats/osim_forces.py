@@ -62,10 +62,6 @@ class Forces:
         for element in file.members("ForceSet"):
             self._made(FORCES, element, "appliesForce")
         self._others()
-        for (text, acts), elements in self.lost.items():
-            names = choices(shown(x.get("name")) for x in elements)
-            text = f"{text}: {names}" if len(elements) > 1 else text
-            self.report.add("left out", file.where(elements[0]), text, acts=acts)
 
     # -- what was read -----------------------------------------------------------------------------
 
@@ -89,6 +85,23 @@ class Forces:
             if np.abs(first - second).max() > NOTABLE:
                 text = "its frames are turned against each other at the start; they stay so here"
                 self.report.add("warning", self.file.where(element), text)
+        on_cylinders = 0
+        for muscle in self.muscles:
+            control = self.controls.get(muscle.name, 0.0)
+            made = muscle_of(muscle, lambda body, point: held[body].place(point), control)
+            if isinstance(made, str):
+                self._lost(muscle.element, made)
+            else:
+                self.forces.append(made)
+                on_cylinders += any(via.axis is not None for via in made.via)
+        if on_cylinders:
+            text = f"{on_cylinders} paths lie on cylinders, which have no ends here, and take the "
+            text += "shortest way, which those of OpenSim do not always"
+            self.report.add("approximated", self.file.name, text, acts=True)
+        for (text, acts), elements in self.lost.items():
+            names = choices(shown(x.get("name")) for x in elements)
+            text = f"{text}: {names}" if len(elements) > 1 else text
+            self.report.add("left out", self.file.where(elements[0]), text, acts=acts)
         return list(found.values())
 
     def _start(
@@ -108,11 +121,6 @@ class Forces:
             return
         if any(x.tag == "GeometryPath" for x in element.inside()):
             self.muscles.append(self.paths.muscle(element, on))
-            made = muscle_of(self.muscles[-1])
-            if isinstance(made, str):
-                self._lost(element, made)
-            else:
-                self.forces.append(made)
             return
         if element.tag not in kinds:
             self._lost(element, f"{element.tag}, which has no counterpart here", acts=on)

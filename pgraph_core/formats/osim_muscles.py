@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Literal, NamedTuple
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ..errors import shown
-from ..model import Force
+from .. import forces as kinds
+from ..errors import ModelError, shown
+from ..fields import GROUND
+from ..forces import BetweenPoints, LinearActuator, Strut, Via
+from ..rotation import unit_vector
+from ..tolerances import TINY
 from .osim_functions import Curve, function_of
-from .osim_text import Document, Element, Pose, turned
+from .osim_text import Array, Document, Element, Pose, turned
 
 ZERO = (0.0, 0.0, 0.0)
 Where = tuple[str, int]  # body and number of a coordinate
@@ -53,7 +58,7 @@ class Obstacle(NamedTuple):
 
 
 class Wrap(NamedTuple):
-    """That a path wraps an obstacle, between two of its points if `range` is given."""
+    """An obstacle that a path wraps, between two of its points if `range` is given."""
 
     obstacle: Obstacle
     method: Literal["hybrid", "midpoint", "axial"]
@@ -68,7 +73,7 @@ class Path(NamedTuple):
 
 
 class Muscle(NamedTuple):
-    """What acts along a path: its kind, such as Thelen2003Muscle, and all its numbers and flags."""
+    """A force along a path: its kind, such as Thelen2003Muscle, and all its numbers and flags."""
 
     name: str
     kind: str
@@ -78,9 +83,168 @@ class Muscle(NamedTuple):
     on: bool
 
 
-def muscle_of(muscle: Muscle) -> Force | str:
-    """Return the force that a muscle is, or the reason why there is none."""
+AtStart = Callable[[str, Any], Array]  # body, point [m]: its place at the start (3,) [m]
+
+
+def muscle_of(muscle: Muscle, at_start: AtStart, control: Any) -> BetweenPoints | str:
+    """Return the force that acts along a path, or the reason why there is none.
+
+    `control` is its excitation, or its input.
+    """
+    ways = _ways(muscle.path, at_start)
+    if isinstance(ways, str):
+        return f"{muscle.kind} along a path {ways}"
+    n, fields = muscle.numbers, dict[str, Any](ways)
+    fields["name"] = muscle.name
+    try:
+        if muscle.kind in MODELS:
+            return _muscle(muscle, {**fields, "excitation": control})
+        if muscle.kind == "PathActuator":
+            given = {"input_low": n.get("min_control"), "input_high": n.get("max_control")}
+            bounds: dict[str, Any] = {
+                k: x for k, x in given.items() if x is not None and math.isfinite(x)
+            }
+            gain = -n.get("optimal_force", 1.0)
+            return LinearActuator(**fields, **bounds, gain=gain, input=control)
+        if muscle.kind == "PathSpring" and not n.get("dissipation", 0.01):
+            rest, stiffness = n.get("resting_length", 0.05), n.get("stiffness", 1.0)
+            pull: Any = {"x": (0.0, rest, 2.0 * rest), "value": (0.0, 0.0, stiffness * rest)}
+            return Strut(**fields, spring=pull)
+    except ModelError as error:
+        return f"{muscle.kind}: {error.problems[0]}"
     return f"{muscle.kind} along its path"
+
+
+def _muscle(muscle: Muscle, fields: dict[str, Any]) -> BetweenPoints:
+    (model, shape), n = MODELS[muscle.kind], muscle.numbers
+    fields |= {ours: n.get(theirs, usual) for ours, (theirs, usual) in FIELDS.items()}
+    fields |= {ours: n[theirs] for ours, theirs in OWN.items() if theirs in n}
+    fields["shape"] = {ours: n[theirs] for theirs, ours in shape.items() if theirs in n}
+    if model == "millard2012":
+        fields["shape"]["least_active"] = 0.0
+        if not n.get("fiber_damping", 0.1):
+            fields["shape"]["least_active"] = n.get("ActiveForceLengthCurve/minimum_value", 0.1)
+    if n.get("ignore_tendon_compliance"):
+        fields["tendon"] = "rigid"
+    return kinds.Muscle(**fields, model=model)
+
+
+def _ways(path: Path, at_start: AtStart) -> dict[str, Any] | str:
+    """Return the points and obstacles as fields of a path, or the reason why it has none."""
+    for point in path.points:
+        if point.curves or point.range:
+            return f"with a {'moving' if point.curves else 'conditional'} point"
+    if len(path.points) < 2:
+        return "of less than two points"
+    between: dict[int, list[Obstacle]] = {}
+    for wrap in path.wraps:
+        if not wrap.obstacle.active:
+            continue
+        if wrap.obstacle.kind not in ("WrapSphere", "WrapCylinder"):
+            return f"around a {wrap.obstacle.kind}"
+        between.setdefault(_span(path, wrap, at_start), []).append(wrap.obstacle)
+    via = list[Via]()
+    for k, point in enumerate(path.points):
+        if 0 < k < len(path.points) - 1:
+            via.append(Via(body=point.body, point=point.point))
+        if own := between.get(k):
+            ends = [at_start(x.body, x.point) for x in path.points[k : k + 2]]
+            way = ends[1] - ends[0]
+            own.sort(key=lambda x, way=way: float(way @ at_start(x.body, x.at.place)))
+            via += [_via(x, ends, at_start, alone=len(own) == 1) for x in own]
+    first, last = path.points[0], path.points[-1]
+    if first.body == GROUND:
+        first, last, via = last, first, via[::-1]
+    found: dict[str, Any] = {"body": first.body, "point": first.point}
+    return found | {"other": last.body, "other_point": last.point, "via": via}
+
+
+def _span(path: Path, wrap: Wrap, at_start: AtStart) -> int:
+    """Return the number of the point after which a path comes nearest to an obstacle."""
+    low, high = wrap.range or (1, len(path.points))
+    places = [at_start(x.body, x.point) for x in path.points]
+    spans = range(max(low, 1) - 1, max(min(high, len(places)) - 1, low))
+    return min(spans, key=lambda k: _apart(wrap.obstacle, places[k : k + 2], at_start)[0])
+
+
+def _apart(obstacle: Obstacle, ends: Sequence[Array], at_start: AtStart) -> tuple[float, Array]:
+    """Return the distance of a line from an obstacle's centre or axis at the start, and its
+    direction."""
+    centre, axis = _centred(obstacle, at_start)
+    a, b = (x - centre - axis * (axis @ (x - centre)) for x in ends)
+    way = b - a
+    share = float(np.clip(-(a @ way) / max(way @ way, TINY), 0.0, 1.0))
+    nearest = a + share * way
+    return float(np.linalg.norm(nearest)), nearest
+
+
+def _centred(obstacle: Obstacle, at_start: AtStart) -> tuple[Array, Array]:
+    """Return the centre of an obstacle, and the axis of a cylinder or zero, at the start."""
+    centre = at_start(obstacle.body, obstacle.at.place)
+    if obstacle.kind == "WrapSphere":
+        return centre, np.zeros(3)
+    return centre, at_start(obstacle.body, obstacle.at.point((0.0, 0.0, 1.0))) - centre
+
+
+def _via(obstacle: Obstacle, ends: Sequence[Array], at_start: AtStart, *, alone: bool) -> Via:
+    """Return an obstacle of a path, in a row with the side on which the line is at the start."""
+    at, radius = obstacle.at, obstacle.sizes[0]
+    side = None
+    if obstacle.quadrant != "all":
+        sign = -1.0 if obstacle.quadrant[0] == "-" else 1.0
+        way = sign * np.eye(3)["xyz".index(obstacle.quadrant[-1])]
+        side = at.point(2.0 * radius * way)
+    elif not alone:
+        centre = at_start(obstacle.body, at.place)
+        way = _apart(obstacle, ends, at_start)[1]
+        units = [at_start(obstacle.body, at.place + x) - centre for x in np.eye(3)]
+        way = np.array(units) @ unit_vector(way if way.any() else units[0])
+        side = tuple((at.place + 2.0 * radius * way).tolist())
+    axis = None if obstacle.kind == "WrapSphere" else tuple(at.turn[:, 2].tolist())
+    place = tuple(at.place.tolist())
+    return Via(body=obstacle.body, point=place, radius=radius, axis=axis, side=side)
+
+
+FIELDS = {  # fields of muscles: names in the file, and their values without them
+    "f_max": ("max_isometric_force", 1000.0),
+    "l_opt": ("optimal_fiber_length", 0.1),
+    "l_slack": ("tendon_slack_length", 0.2),
+    "pennation": ("pennation_angle_at_optimal", 0.0),
+    "fastest": ("max_contraction_velocity", 10.0),
+    "weakest": ("minimum_activation", 0.01),
+    "start": ("default_activation", 0.05),
+}
+OWN = {
+    "rise": "activation_time_constant",
+    "fall": "deactivation_time_constant",
+    "damping": "fiber_damping",
+}
+# kinds of muscles: our model, and the numbers of its curves by their names in the file
+MODELS: dict[str, tuple[Any, dict[str, str]]] = {
+    "Thelen2003Muscle": ("thelen2003", {
+        "KshapeActive": "active_width", "FmaxMuscleStrain": "passive_strain",
+        "KshapePassive": "passive_shape", "Af": "shortening", "Flen": "lengthening",
+        "fv_linear_extrap_threshold": "followed", "FmaxTendonStrain": "tendon_strain",
+    }),
+    "Millard2012EquilibriumMuscle": ("millard2012", {
+        "ActiveForceLengthCurve/min_norm_active_fiber_length": "shortest",
+        "ActiveForceLengthCurve/transition_norm_fiber_length": "transition",
+        "ActiveForceLengthCurve/max_norm_active_fiber_length": "longest",
+        "ActiveForceLengthCurve/shallow_ascending_slope": "plateau_slope",
+        "ForceVelocityCurve/max_eccentric_velocity_force_multiplier": "lengthening",
+        "ForceVelocityCurve/concentric_slope_near_vmax": "shortening_slope",
+        "ForceVelocityCurve/isometric_slope": "isometric_slope",
+        "ForceVelocityCurve/eccentric_slope_near_vmax": "lengthening_slope",
+        "FiberForceLengthCurve/strain_at_zero_force": "passive_zero",
+        "FiberForceLengthCurve/strain_at_one_norm_force": "passive_strain",
+        "TendonForceLengthCurve/strain_at_one_norm_force": "tendon_strain",
+    }),
+    "DeGrooteFregly2016Muscle": ("degroote2016", {
+        "active_force_width_scale": "active_width",
+        "passive_fiber_strain_at_one_norm_force": "passive_strain",
+        "tendon_strain_at_one_norm_force": "tendon_strain",
+    }),
+}  # fmt: skip
 
 
 # -- reading ---------------------------------------------------------------------------------------
@@ -125,16 +289,8 @@ class Paths:
         path = next(x for x in element.inside() if x.tag == "GeometryPath")
         numbers = dict[str, float]()
         for child in (*self.file.defaults(element), *element.children):
-            text = child.text.strip()
-            if child.children or len(text.split()) != 1:
-                continue
-            if text.lower() in ("true", "false"):
-                numbers[child.tag] = float(text.lower() == "true")
-                continue
-            try:
-                numbers[child.tag] = float(text)
-            except ValueError:  # a name
-                continue
+            if child is not path:
+                numbers |= _numbers(child)
         return Muscle(element.get("name"), element.tag, self.path(path), numbers, element, on)
 
     def path(self, element: Element) -> Path:
@@ -177,6 +333,20 @@ class Paths:
         low, high = file.numbers(element, "range", (0.0, 0.0))
         coordinate = self.placed(file.socket(element, "coordinate").split("/")[-1], element)
         return PathPoint(name, body, point, (coordinate,), (low, high))
+
+
+def _numbers(element: Element, of: str = "") -> dict[str, float]:
+    """Return the numbers and flags in an element, those of a curve as "Curve/number"."""
+    text = element.text.strip().lower()
+    if element.children:
+        inside = (_numbers(x, f"{element.tag}/") for x in element.children)
+        return {k: v for found in inside for k, v in found.items()}
+    if text in ("true", "false"):
+        return {of + element.tag: float(text == "true")}
+    try:
+        return {of + element.tag: float(text)}
+    except ValueError:  # a name, or several numbers
+        return {}
 
 
 def _held(element: Element, name: str) -> list[Element]:
