@@ -273,7 +273,9 @@ def _typed(
             return {**data, field[:-5]: curves.over(getattr(item, field[:-5]), text)}
         case "torque" | "force" if not index and getattr(item, "kind", "") == "wrench":
             return {**data, field: curves.table_of(text, 3)}
-        case "torque" | "target" | "speed" | "input" if not index:
+        case "shape" if isinstance(item, pg.Muscle):
+            return {**data, field: shape_of(text)}
+        case "torque" | "target" | "speed" | "input" | "excitation" if not index:
             if is_expression(text):
                 return {**data, field: text.strip()}
             if ";" in text or len(text.split()) > 1:
@@ -298,6 +300,15 @@ def _typed(
         return {**data, field: new}
     old = data.get(field) or places.implied(model, item, field, at) or (0.0, 0.0, 0.0)
     return {**data, field: replaced(tuple(old), index, new)}
+
+
+def shape_of(text: str) -> dict[str, float]:
+    """Return names with numbers, such as "tendon_strain 0.04; active_width 0.5"."""
+    found = dict[str, float]()
+    for one in filter(None, map(str.strip, text.split(";"))):
+        name, _, value = one.replace("=", " ").partition(" ")
+        found[name] = number(value)
+    return found
 
 
 def _coefficients(

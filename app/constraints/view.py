@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import pgraph_core as pg
-from pgraph_core.forces import OnJoint
+from pgraph_core.forces import Driven, OnJoint
 from pgraph_core.joints import slides
 from pgraph_core.model.constraint import OfOne, OfTwo
 
@@ -288,9 +288,16 @@ def _field(
             return _stations(model, item, cells[name], display)
         case _ if name in getattr(item, "PLACES", ()):
             return _path(item, name, cells, display)
-        case "torque" | "target" | "speed" | "input" if isinstance(item, OnJoint):
+        case "shape" if isinstance(item, pg.Muscle):
+            usual = "; ".join(f"{key} {x:g}" for key, x in item.kind_of.shape.items())
+            text = "; ".join(f"{key} {x:g}" for key, x in item.shape.items())
             shows = about(item, name)
-            found = [field("feedback", "", [], buttons=[FEEDBACK])] if name == item.INPUT else []
+            return [field(name, shows.label, [cell((), text)], kind="text", help=shows.help,
+                          note=f"names with numbers, of {usual}")]  # fmt: skip
+        case _ if name in over_time_of(item):
+            shows = about(item, name)
+            feeds = isinstance(item, OnJoint) and name == item.INPUT
+            found = [field("feedback", "", [], buttons=[FEEDBACK])] if feeds else []
             return [field(name, shows.label, [cell((), curves.knots(cells[name]))],
                           unit=_unit(model, item, shows.unit), help=shows.help, kind="text",
                           note=OVER_TIME, expression=True), *found]  # fmt: skip
@@ -309,6 +316,13 @@ def _field(
         shows, value = about(item, name), parts.FLAG[getattr(item, name)]
         return [choice(name, shows.label, value, parts.FLAG, help=shows.help)]
     return [_plain(model, item, name, cells, display, at)]
+
+
+def over_time_of(item: Any) -> tuple[str, ...]:
+    """Return the fields that take a number, a table over time or an expression."""
+    if isinstance(item, OnJoint):
+        return "torque", item.INPUT
+    return (item.INPUT,) if isinstance(item, Driven) else ()
 
 
 def _name_field(model: pg.Model, part: Part, item: Any, name: str) -> Payload:

@@ -15,6 +15,7 @@ import pgraph_core as pg
 from pgraph_core.fields import GROUND
 from pgraph_core.forces import BetweenPoints, lines_of
 from pgraph_core.packing.cable_lines import Lying, cable_lines, cables_of
+from pgraph_core.packing.signals import states_of
 from pgraph_core.result.bodies import body_poses
 from pgraph_core.result.cams import cam_record
 from pgraph_core.rotation import frame_of, unit_vector
@@ -32,6 +33,7 @@ SITE = 0.09  # length of an axis of a site's frame over the body's size
 RIM = 0.25  # width of a wheel without a shape over its radius
 TURNING = ("revolute", "universal", "ball", "point")  # constraints that fix a point
 BRACKET = 0.15  # size of a pivot's bracket on the ground, relative to the body
+AT_REST, ACTIVE = np.array((120, 95, 100)), np.array((215, 40, 35))  # colours of muscles
 BEAD = 0.06  # diameter of the mark of a via point, of the grain
 THIN = 1e-3  # least thickness of a flat ellipsoid, relative to its largest semi-axis
 
@@ -248,6 +250,21 @@ class Joining(NamedTuple):
     at: np.ndarray  # (n, 3) their middles, world [m]
     wxyz: np.ndarray  # (n, 4)
     size: np.ndarray  # (n, 3) [m]
+    colors: np.ndarray | None = None  # (n, 3) from 0 to 255, if they differ
+
+
+def activations(state: State) -> dict[str, float]:
+    """Return the activation of each muscle at the displayed time, or its excitation without a run.
+
+    An excitation that varies counts as none.
+    """
+    if state.run is None:
+        muscles = (f for f in state.model.forces if isinstance(f, pg.Muscle))
+        return {f.name: f.excitation if isinstance(f.excitation, float) else 0.0 for f in muscles}
+    result = state.run.result
+    frame = min(int(np.searchsorted(result.t, state.playback.time)), len(result.t) - 1)
+    own = zip(states_of(result.model), result.states[frame].tolist())
+    return {f.name: a for (f, k, _), a in own if isinstance(f, pg.Muscle) and k == 0}
 
 
 def forces_of(state: State) -> tuple[pg.Force, ...]:
@@ -264,13 +281,19 @@ def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> dict[str, Jo
     """
     model, number = state.model, {GROUND: 0, **state.derived.number}
     coils, threads = [], []
+    muscles: list[tuple[Any, float, float]] = []  # the ends of a span, f_max, activation
+    excited = activations(state)
     vias: dict[tuple[Any, ...], pg.Via] = {}
     wheels: dict[tuple[Any, ...], np.ndarray] = {}  # (body, centre, radius): axis
     at, turn = _places(number, positions, R)
     for f in forces_of(state):
         if isinstance(f, BetweenPoints) and all(name in number for name in (*f.pair, *f.touches)):
             for line, bent in lines_of(f, model.body(f.body), at, turn):
-                (threads if bent else coils).extend(itertools.pairwise(line))
+                spans = itertools.pairwise(line)
+                if isinstance(f, pg.Muscle):
+                    muscles += [(ends, f.f_max, excited.get(f.name, 0.0)) for ends in spans]
+                else:
+                    (threads if bent else coils).extend(spans)
             vias |= {(via.body, via.point, via.radius, via.axis): via for via in f.via}
     for cable in _cables(model):
         for line in cable_lines(cable, at, turn):
@@ -298,11 +321,23 @@ def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> dict[str, Jo
     return {
         "springs": _between(coils, 0.07 * grain),
         "rods": _between([*rods, *threads], 0.025 * grain),
+        "muscles": _muscles(muscles, grain),
         "pivots": pivots(state),
     } | {
         kind: _between([ends for *ends, _ in found], [wide for *_, wide in found])
         for kind, found in (("beads", beads), ("balls", balls), ("drums", drums))
     }
+
+
+def _muscles(spans: Sequence[tuple[Any, float, float]], grain: float) -> Joining:
+    """Return the spans of muscles: the stronger the thicker, the more active the redder."""
+    if not spans:
+        return _between([], 0.0)
+    ends, force, active = zip(*spans)
+    share = np.sqrt(np.array(force) / max(force))
+    a = np.clip(np.array(active), 0.0, 1.0)[:, None]
+    colors = ((1.0 - a) * AT_REST + a * ACTIVE).round()
+    return _between(ends, list(0.02 * grain * (1.0 + 2.0 * share)))._replace(colors=colors)
 
 
 @lru_cache(maxsize=4)

@@ -24,6 +24,7 @@ JOINING = {  # kind: solid, colour, opacity
     "springs": (shapes.coil, METAL, None),
     "pivots": (shapes.bracket, STEEL, None),
     "rods": (lambda: shapes.unit("cylinder"), METAL, None),
+    "muscles": (lambda: shapes.unit("cylinder"), METAL, None),
     "beads": (lambda: shapes.unit("sphere"), STEEL, None),
     "balls": (lambda: shapes.unit("sphere"), STEEL, 0.35),
     "drums": (lambda: shapes.unit("cylinder"), STEEL, 0.35),
@@ -111,7 +112,8 @@ class Overlays:
         for kind, (solid, color, opacity) in JOINING.items():
             found = there.get(kind, NOTHING)
             self._batch(
-                kind, solid, found.at - gone, found.wxyz, found.size, color, opacity,
+                kind, solid, found.at - gone, found.wxyz, found.size,
+                color if found.colors is None else found.colors.astype(np.uint8), opacity,
                 shadow=opacity is None,
             )  # fmt: skip
         arrows = marks.loads(state, positions, R) if on else np.zeros((0, 2, 3))
@@ -137,6 +139,8 @@ class Overlays:
             if len(at):
                 node.batched_positions, node.batched_wxyzs = at, wxyz
                 node.batched_scales = size
+                if isinstance(color, np.ndarray):
+                    node.batched_colors = color
             node.visible = len(at) > 0
             return
         if len(at) == 0:

@@ -1,0 +1,70 @@
+"""The form of a muscle: its excitation over time, its model, and the numbers of its curves."""
+
+import numpy as np
+
+import pgraph_core as pg
+from pgraph_app.constraints.view import constraints
+from pgraph_app.scene import marks
+
+from .store import ME, after, begun, do, reply
+
+BODIES = (
+    pg.Body(name="upper", joint="weld"),
+    pg.Body(name="forearm", parent="upper", link=(0, 0, -0.3), mass=1.0, com=(0, 0, -0.15)),
+)
+
+
+def led():
+    """The state after a muscle was led from a body to another."""
+    state = begun(pg.Model(bodies=BODIES))
+    return after(state, do.AddPart(ME, "forces", "muscle", "forearm"), do.PickName(ME, "upper"))
+
+
+def edited(state, field, text):
+    (muscle,) = state.model.forces
+    return after(state, do.EditPart(ME, 1, "forces", muscle.name, field, (((), text),)))
+
+
+def fields(state):
+    for one in constraints(state, state.clients[ME])["lists"]:
+        for item in one["items"]:
+            return {f["field"]: f for group in item["form"] for f in group["fields"]}
+
+
+def test_a_new_muscle_pulls_from_the_first_body_to_the_other():
+    (muscle,) = led().model.forces
+    assert (muscle.kind, muscle.body, muscle.other) == ("muscle", "forearm", "upper")
+
+
+def test_an_excitation_is_a_number_a_table_or_an_expression():
+    for text, value in (
+        ("0.4", 0.4),
+        ("0 0; 1 0.5", pg.Table(t=(0, 1), value=(0, 0.5))),
+        ("=0.5 + 0.5*sin(t)", "=0.5 + 0.5*sin(t)"),
+    ):
+        assert edited(led(), "excitation", text).model.forces[0].excitation == value
+    state = edited(led(), "excitation", "2")
+    assert "from 0 to 1" in reply(state)
+    assert state.model.forces[0].excitation == 0.0
+
+
+def test_the_shape_is_typed_by_names():
+    state = edited(led(), "model", "thelen2003")
+    assert state.model.forces[0].model == "thelen2003"
+    state = edited(state, "shape", "tendon_strain 0.033; active_width = 0.5")
+    assert state.model.forces[0].shape == {"tendon_strain": 0.033, "active_width": 0.5}
+    shown = fields(state)["shape"]
+    assert shown["cells"][0]["value"] == "tendon_strain 0.033; active_width 0.5"
+    assert "passive_shape 5" in shown["note"]
+    assert "tendon_strain" in reply(edited(state, "shape", "tendon_strian 0.03"))
+    assert not edited(state, "shape", "").model.forces[0].shape
+
+
+def test_a_muscle_is_drawn_with_the_colour_of_its_excitation():
+    state = edited(led(), "excitation", "1")
+    drawn = marks.joinings(state, np.zeros((2, 3)), np.array([np.eye(3)] * 2))["muscles"]
+    assert len(drawn.at) == 1
+    np.testing.assert_array_equal(drawn.colors, [marks.ACTIVE])
+    rest = edited(led(), "excitation", "0")
+    drawn = marks.joinings(rest, np.zeros((2, 3)), np.array([np.eye(3)] * 2))["muscles"]
+    np.testing.assert_array_equal(drawn.colors, [marks.AT_REST])
