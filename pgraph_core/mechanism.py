@@ -12,7 +12,7 @@ import numpy as np
 from .analysis.assembly import Assembly, assemble, changes, followed
 from .analysis.mobility import Mobility, mobility
 from .dynamics import Dynamics
-from .dynamics.arguments import by_name, for_each_state, named_in, wrong_type
+from .dynamics.arguments import by_name, finite, for_each_state, named_in, wrong_type
 from .dynamics.dynamics import EMPTY, UNFIT
 from .errors import Called, InputError, Problem, explained, shown
 from .model import Model, Motion, Polynomial
@@ -362,9 +362,11 @@ class Mechanism(Dynamics):
         """
         from .analysis.activations import activations
 
-        home = self.home()[0]
-        at = home if q is None else by_name(self, "q", q, home)
-        speed = np.zeros(self.nv) if v is None else by_name(self, "v", v, np.zeros(self.nv))
+        home, rest = self.home()[0], np.zeros(self.nv)
+        at, speed = home if q is None else q, rest if v is None else v
+        at, speed = self._state(by_name(self, "q", at, home), by_name(self, "v", speed, rest))
+        finite("q", at, self.nq, of=self.packed)
+        finite("v", speed, self.nv, of=self.packed)
         return activations(self, torques, at, speed)
 
     def inverse_kinematics(

@@ -176,7 +176,6 @@ ROWS = [
         "gear", ("ratio", "zero", "'motion'", "got 0"), ("coordinate", *HINGE),
         ("other_coordinate", *NO_ANGLE), other="puck", coordinate=1, ratio=0,
     ),
-    constraint("gear", "ratio", "'=2*q'", "pg.Relation", "curve='=2*q", other="puck", ratio="=2*q"),
     cam("motion", "missing", "segments"),
     cam("motion", "none", "two or more", motion=[]),
     cam("motion", "360 degrees", "257.831 degrees", "rest", motion=lifts((0.02, 1.5), (0.0, 3.0))),

@@ -153,7 +153,6 @@ MISSED = {  # a call -> the way to what it asks for
     lambda: RUN.ground_reaction_force: '"ground"',
     lambda: pg.Mechanism(MODEL).distance: "run.position",
     lambda: pg.Stepper(MODEL).result: "stepper.record",
-    lambda: pg.Muscle: "pg.Filter",
     lambda: pg.overlay: "Compare",
     lambda: pg.simulate(MODEL, sample=0.02): "Stepper".lower(),
     lambda: pg.linearise(MODEL, parameters=["m"]): "model.edit",

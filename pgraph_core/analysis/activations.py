@@ -36,11 +36,11 @@ def activations(mech: Dynamics, torques: Mapping[str, float], q: Array, v: Array
 
     All tendons are rigid here, as usual for static optimisation. Raises InputError.
     """
+    places = _places(mech, torques)
     muscles = [f for f in mech.model.forces if isinstance(f, Muscle)]
     if not muscles:
         raise InputError(Problem("activations", "", "the model has no muscle; add a pg.Muscle"))
     rows = [mech.path_names.index(f.name) for f in muscles]
-    places = _places(mech, torques)
     lengths, arms = mech.path_length(q)[rows], mech.moment_arms(q)[rows]
     rates, arms = -arms @ v, arms[:, places]
     wanted = np.array([float(x) for x in torques.values()])

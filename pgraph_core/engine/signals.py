@@ -37,7 +37,7 @@ OWNER, FAILED, TARGETS = 5, 6, 7
 # not finite; the kind of load that reads it, counted from 1, or 0, the knot and the column, behind
 # which the load writes the rate of a state that has no instruction for it (-1); and the instruction
 # of the constant input that it follows, or -1
-SAMPLE, START, CONTROL, LOST, READER, KNOT_OF, PLACE, GIVEN, STATES = 1, 2, 3, 4, 5, 6, 7, 8, 9
+SAMPLE, START, CONTROL, LOST, READER, KNOT_OF, IN_KNOT, INPUT_OF, STATES = 1, 2, 3, 4, 5, 6, 7, 8, 9
 
 
 @sweep
@@ -252,7 +252,7 @@ def follow_signals(signals, drives, loads, t, q, v):
     for n in range(states.shape[0]):
         if states[n, READER] > 0:
             kind, state = states[n, READER] - 1, v[v.shape[0] - states.shape[0] + n]
-            put_in_knots(loads, kind, states[n, KNOT_OF], states[n, PLACE], state)
+            put_in_knots(loads, kind, states[n, KNOT_OF], states[n, IN_KNOT], state)
         if states[n, 0] < 0:
             continue
         if states[n, SAMPLE] < 0 and not abs(code[2 * states[n, 0] + 1, 0]) < math.inf:
@@ -281,7 +281,7 @@ def put_rates(signals, loads, tau):
         tau[first + n] = 0.0
         if states[n, 0] < 0:
             if states[n, READER] > 0:
-                place = states[n, KNOT_OF], states[n, PLACE] + 1
+                place = states[n, KNOT_OF], states[n, IN_KNOT] + 1
                 tau[first + n] = number_in_knots(loads, states[n, READER] - 1, place[0], place[1])
         elif states[n, SAMPLE] < 0:
             tau[first + n] = code[2 * states[n, 0] + 1, 0]
@@ -315,7 +315,7 @@ def take_from_loads(signals, loads, v):
         if states[n, 0] < 0 and states[n, READER] > 0:
             kind, knot = states[n, READER] - 1, states[n, KNOT_OF]
             v[v.shape[0] - states.shape[0] + n] = number_in_knots(
-                loads, kind, knot, states[n, PLACE]
+                loads, kind, knot, states[n, IN_KNOT]
             )
 
 

@@ -20,7 +20,7 @@ GIVEN = 0  # column of the knot after it, of which no kernel reads this one, tha
 
 
 class LinearActuator(BetweenPoints, Driven):
-    """An actuator that pushes the ends of a path apart by `force` + gain x input - kp l - kd l'.
+    """An actuator that pushes the ends of a path apart by `bias` + gain x input - kp l - kd l'.
 
     l is the length of the path [m]. A negative force pulls. With kp = gain, the input is the length
     at which it holds; with kd = gain, it is a rate. The force is limited to the range from
@@ -35,7 +35,7 @@ class LinearActuator(BetweenPoints, Driven):
 
     ABOUT: ClassVar[str] = "a cylinder, spindle or driven tendon: a force along a path"
     PASSIVE: ClassVar[bool] = False
-    SCALES: ClassVar[tuple[str, ...]] = ("force", "gain", "kp", "kd")
+    SCALES: ClassVar[tuple[str, ...]] = ("bias", "gain", "kp", "kd")
     VARIES: ClassVar[tuple[str, ...]] = ("input",)
     VARIES_SINCE: ClassVar[int] = 9
     SINCE: ClassVar[int] = 9
@@ -51,7 +51,7 @@ class LinearActuator(BetweenPoints, Driven):
     gain: Number = field(
         "a finite number [N per input]", default=1.0, dim=N, help="gain of the input"
     )
-    force: Number = field(
+    bias: Number = field(
         "a finite number [N]", default=0.0, dim=N, help="force at input 0; a push if positive"
     )
     kp: Number = field(
@@ -106,7 +106,7 @@ class LinearActuator(BetweenPoints, Driven):
     def force_at(self, u: float) -> float:
         """Return the force at an input, without the parts of length and rate [N]."""
         least, most = self.forces
-        return min(max(self.force + self.gain * u, least), most)
+        return min(max(self.bias + self.gain * u, least), most)
 
 
 def pack(f: LinearActuator, one: Any, at: Places) -> Array:

@@ -377,7 +377,7 @@ class Forces(TendonPaths):
             return None
         gear, gain, (b0, b1, b2) = self._law(a)
         fields: dict[str, Any] = {
-            "gain": gear * gain, "force": gear * b0, "kp": -(gear**2) * b1, "kd": -(gear**2) * b2,
+            "gain": gear * gain, "bias": gear * b0, "kp": -(gear**2) * b1, "kd": -(gear**2) * b2,
         }  # fmt: skip
         low, high = self._range("ctrl", self._channel(a)[1])
         fields |= {"input_low": low, "input_high": high, "input": min(max(0.0, low), high)}

@@ -194,7 +194,7 @@ class ForcesOut(Places):
         given, (low, high) = self._given(f, where), f.inputs
         one = Tag("general", name=f.name, tendon=self.paths[f.name])
         one.set(gainprm=(f.gain,), biastype="affine")
-        one.set(biasprm=(f.force + f.gain * given, -f.kp or 0.0, -f.kd or 0.0))
+        one.set(biasprm=(f.bias + f.gain * given, -f.kp or 0.0, -f.kd or 0.0))
         if np.isfinite(low) or np.isfinite(high):
             one.set(ctrlrange=span(low - given, high - given))
         if np.isfinite(f.forces).any():

@@ -191,7 +191,7 @@ class Program:
 
     def pull(self, f: LinearActuator) -> Operand:
         """Add the pull of an actuator along a path, without the parts of length and rate."""
-        force = self.put(kernels.ADD, self.number(f.force), self.times(f.gain, self.input(f)))
+        force = self.put(kernels.ADD, self.number(f.bias), self.times(f.gain, self.input(f)))
         return self.times(-1.0, self.held(force, *f.forces))
 
     def times(self, by: float, x: Operand) -> Operand:

@@ -143,7 +143,7 @@ def states_of(model: Model) -> list[tuple[Stateful, int, Own]]:
 
 def excitations_of(model: Model, states: Array) -> dict[str, int]:
     """Return the rows in the program of the constant inputs of parts with states, by name."""
-    given = states[:, kernels.GIVEN].tolist()
+    given = states[:, kernels.INPUT_OF].tolist()
     return {c.name: 2 * row for (c, _, _), row in zip(states_of(model), given) if row >= 0}
 
 

@@ -65,7 +65,7 @@ class InputOfPath(NamedTuple):
     def acts(self) -> tuple[str, int, float]:
         """Return (table, knot, its rate of change with the input)."""
         least, most = self.force.forces
-        inside = least < self.force.force + self.force.gain * self.u < most
+        inside = least < self.force.bias + self.force.gain * self.u < most
         return "strut", self.knot, -self.force.gain if inside else 0.0
 
 

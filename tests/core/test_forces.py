@@ -71,6 +71,8 @@ def test_the_ledger_closes_with_a_servo_at_its_limit():
 @pytest.mark.parametrize("kind", pg.Force.KINDS)
 def test_every_kind_of_force_has_units(kind):
     needed = {"tendon": {"coefficients": {"2": 1.0}}, "drag": {"size": (1, 1, 1)}}.get(kind, {})
+    if kind == "muscle":
+        needed = {"f_max": 1.0, "l_opt": 0.1, "l_slack": 0.1}
     if kind == "cable":
         needed = {"through": ["2", ("ground", (0, 0, 9))]}
     model = chain().replace(forces=(pg.Force(name="f", kind=kind, body="2", **needed),))

@@ -34,7 +34,7 @@ def driven(**law):
 def test_a_linear_actuator_is_the_strut_of_its_law():
     lines = {"spring": {"x": (0, 1), "value": (25, 325)}, "damper": {"x": (0, 1), "value": (0, 4)}}
     strut = ARM.add(pg.Strut(name="cylinder", **PATH, **lines))
-    mine = pg.simulate(driven(input=2.0, gain=-15.0, force=5.0, kp=300.0, kd=4.0), **RUN)
+    mine = pg.simulate(driven(input=2.0, gain=-15.0, bias=5.0, kp=300.0, kd=4.0), **RUN)
     other = pg.simulate(strut, **RUN)
     assert np.abs(mine.q - other.q).max() < 1e-8  # both runs have an error of about 1e-9
     tension = mine.tension["cylinder"] - other.tension["cylinder"]

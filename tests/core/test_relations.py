@@ -425,3 +425,8 @@ def test_a_coordinate_follows_another_one_of_its_joint(kind):
     assert abs(turn[-1]) > 0.5
     with pytest.raises(pg.ModelError, match="itself"):
         mech.model.edit("thread", kind="constraint", coordinate=0)
+
+
+def test_a_ratio_that_varies_leads_to_a_relation():
+    with pytest.raises(pg.ModelError, match=r"pg\.Relation"):
+        pg.Gear("g", body="a", other="b", ratio="=2*q")
