@@ -64,7 +64,7 @@ PARTS = {
     ),
     "strut": pg.Strut(name="x", **PLACED, spring=pg.Lines(x=[0.2, 0.5, 0.9], value=[-9, 2, 30.0])),
     "linear actuator": pg.LinearActuator(
-        name="x", **PLACED, via=VIA, input=2.0, gain=3.0, force=1.0, kp=5.0, kd=0.4
+        name="x", **PLACED, via=VIA, input=2.0, gain=3.0, bias=1.0, kp=5.0, kd=0.4
     ),
     "coupling": pg.Coupling(name="x", coefficients={"r": [1.0], "k": [0.0]}, value=0.4),
     "full coupling": pg.Coupling(name="x", coefficients=SUM, value=0.61),
