@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import groupby
 from typing import Any
 
 import pgraph_core as pg
@@ -159,7 +160,10 @@ def _touches(item: Any, name: str | None, model: pg.Model) -> bool:
 
 
 def between(item: Any) -> str:
-    """Return the bodies on which a part acts as text: 'thigh, shin' or 'foot, ground'."""
+    """Return the bodies on which a part acts as text: 'thigh, shin' or 'foot, ground'.
+
+    A path names each body once where several of its points follow each other on it.
+    """
     if coefficients := getattr(item, "coefficients", None):
         return ", ".join(coefficients)
     if isinstance(item, pg.Control):
@@ -167,11 +171,15 @@ def between(item: Any) -> str:
     if isinstance(item, (pg.Site, pg.Output)):
         return item.body if isinstance(item, pg.Site) else item.at
     if "through" in type(item).model_fields:
-        return ", ".join(station.body for station in item.through)
+        return _led(station.body for station in item.through)
     names = {EVERY: "all bodies"}
     first, other = (names.get(name) or name for name in item.pair)
     alone = "other" not in type(item).model_fields or isinstance(item, pg.Skate)
-    return first if alone else ", ".join((first, *(place.body for place in item._places), other))
+    return first if alone else _led((first, *(place.body for place in item._places), other))
+
+
+def _led(bodies: Iterable[str]) -> str:
+    return ", ".join(name for name, _ in groupby(bodies))
 
 
 def _limits(state: State, page: Client) -> list[Payload]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_app.constraints.view import constraints
+from pgraph_app.constraints.view import between, constraints
 from pgraph_app.scene import marks
 
 from .store import ME, after, begun, do, reply
@@ -68,3 +68,16 @@ def test_a_muscle_is_drawn_with_the_colour_of_its_excitation():
     rest = edited(led(), "excitation", "0")
     drawn = marks.joinings(rest, np.zeros((2, 3)), np.array([np.eye(3)] * 2))["muscles"]
     np.testing.assert_array_equal(drawn.colors, [marks.AT_REST])
+
+
+def test_a_line_of_the_list_names_a_body_once_for_points_that_follow_each_other_on_it():
+    ways = {
+        ("upper", "upper", "forearm"): "upper, forearm",
+        ("forearm", "upper", "forearm"): "upper, forearm, upper, forearm",
+        (): "upper, forearm",
+    }
+    for passed, text in ways.items():
+        via = [{"body": name, "point": (0.0, 0.01, -0.1)} for name in passed]
+        muscle = pg.Muscle(body="upper", other="forearm", via=via, f_max=1.0, l_opt=0.1,
+                           l_slack=0.1)  # fmt: skip
+        assert between(muscle) == text

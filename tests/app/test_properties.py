@@ -16,6 +16,7 @@ from pgraph_app.core.cells import Display
 from pgraph_app.features import Client, initial
 from pgraph_app.model import Found
 from pgraph_app.model.apart import Errands
+from pgraph_app.pose.solving import degrees
 from pgraph_app.properties import body_cells as forms
 from pgraph_app.properties.view import properties
 from pgraph_core.model.shape import mass_properties_of
@@ -486,3 +487,18 @@ def test_the_functions_of_a_track_are_typed(state):
     changed = edit(state, "track_z", ((), "0.1*sin(q)"))
     assert changed.model.body("2").track.z == "0.1*sin(q)"
     assert "reads only q" in reply(edit(state, "track_z", ((), "sin(w)")))
+
+
+@pytest.mark.parametrize(
+    ("axes", "labels"),
+    [
+        ([(0, 0, 1)], ["about z"]),
+        ([(0, 0, -2)], ["about its axis"]),
+        ([(-0.06, 0.002, 0.998)], ["about its axis"]),
+        ([(1, 0, 0), (0, 1, 1)], ["about x", "about axis 2"]),
+    ],
+)
+def test_a_coordinate_is_called_by_its_axis(axes, labels):
+    joint = "revolute" if len(axes) == 1 else "universal"
+    body = pg.Body(name="a", joint=joint, axes=axes, mass=1.0, inertia=(1, 1, 1))
+    assert [label for label, _ in degrees(body)] == labels
