@@ -226,12 +226,12 @@ class Rule(NamedTuple):
 
     @property
     def turns(self) -> bool:
-        """Whether the follower turns about a pivot."""
+        """Check whether the follower turns about a pivot."""
         return self.distance > 0.0
 
 
 class Riding(NamedTuple):
-    """Where a follower touches its cam, at each of n positions."""
+    """The contact of a follower with its cam, at each of n positions."""
 
     contact: Points  # the point of contact, beside the cam as it has turned
     normal: Points  # the unit normal of the profile, towards the follower

@@ -620,7 +620,7 @@ class Acting(Described):
 
     @property
     def _links(self) -> tuple[tuple[str, str], ...]:
-        """Return the pairs of bodies that it joins, once each; a moving one is the first."""
+        """Return the pairs of bodies that it joins, once each, with a moving body first."""
         return (self.pair,)
 
     @property

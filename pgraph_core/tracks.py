@@ -57,7 +57,7 @@ FUNCTION = (
 )
 
 
-MOST_STEPS = 32  # of a search for the nearest place: more are needed beside no smooth curve
+MOST_STEPS = 32  # steps of a search for the nearest place, more than any smooth curve needs
 GIVEN = ("points", "up", "x", "y", "z", "angles", "axes", "range", "closed", "unit")
 
 
@@ -226,7 +226,7 @@ class Track(Frozen):
         tangents = (tangents / np.where(lengths > 0.0, lengths, 1.0))[lengths[:, 0] > 0.0]
         chosen = _DIRECTIONS
         _, sizes, ways = np.linalg.svd(tangents, full_matrices=False)
-        if sizes[1] > SOLVED * sizes[0]:  # of a straight line there is no plane
+        if sizes[1] > SOLVED * sizes[0]:  # a straight line has no plane
             chosen = np.vstack((chosen, ways[2] * np.sign(ways[2, np.argmax(np.abs(ways[2]))])))
         found: Array = chosen[np.argmin(np.abs(tangents @ chosen.T).max(axis=0))]
         return found

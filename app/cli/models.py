@@ -105,7 +105,7 @@ def _segments(model: pg.Model) -> list[str]:
         placed = pg.Mechanism(model).packed.placed() if parts else None
         counts = [len(placed.segments(part)) for part in parts if placed is not None]
     except pg.PgraphError:
-        return []  # what is wrong is told with the mobility, or by `pgraph check`
+        return []  # the mobility and `pgraph check` name the faults of a model
     return [name for part, n in zip(parts, counts) for name in segment_names(part.name, n)]
 
 

@@ -38,7 +38,7 @@ class Picking:
     name: str | None = None  # name of the part, None for a new one
     body: str | None = None  # picked first body of a new part
     more: tuple[str, ...] = ()  # bodies that get such a part too: what else was selected
-    way: tuple[tuple[str, tuple[float, float, float] | None], ...] = ()  # of a cable: bodies in
+    way: tuple[tuple[str, tuple[float, float, float] | None], ...] = ()  # bodies of a cable in
     # their order, with points that were clicked on them [m]
 
 

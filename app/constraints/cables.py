@@ -24,8 +24,8 @@ Fields = dict[str, Any]  # those of a pg.Pulley
 Vector = tuple[float, float, float]
 WHEEL = 0.05  # radius of a wheel without a round shape, relative to the model
 OVER = 0.2  # least height of a point on the ground over its neighbour, relative to the model
-STRETCH = 0.002  # of a new elastic cable of the model's size under the weight of all bodies
-DAMPED = 0.05  # of critical, for the same
+STRETCH = 0.002  # strain of a new elastic cable under the weight of all bodies
+DAMPED = 0.05  # damping ratio of the same cable
 SURE = 1e-3  # rad: least bend of the line through the centres at which the side follows from it
 ON_AXIS = 1e-6  # [1] distance and angle from a hinge at which a shape is a wheel on it
 OF_STATION = tuple(pg.Pulley.model_fields)  # whose numbers stand in the indices of their cells
@@ -252,7 +252,7 @@ def _normal(model: pg.Model, stations: Sequence[Fields], k: int, at: Mapping[str
         before, after = (lies[j].centre - lies[k].centre for j in beside)
         long = float(np.linalg.norm(before) * np.linalg.norm(after))
         found.append(np.cross(before, after) / (long or 1.0))
-    found.append(np.eye(3)[1 if model.up == "z" else 2])  # it is seen from the front
+    found.append(np.eye(3)[1 if model.up == "z" else 2])  # the axis of the front view
     u = next(u for u in found if np.linalg.norm(u) > SURE)
     x, y, z = (round(float(c), 9) + 0.0 for c in turn.T @ (u / np.linalg.norm(u)))
     return x, y, z
@@ -294,7 +294,7 @@ def changed(
     stations = [{"point": (0.0, 0.0, 0.0), **plain(one)} for one in data["through"]]
     if not index:
         if stations and not data["closed"]:
-            stations[-1]["side"] = None  # it is a drum no more
+            stations[-1]["side"] = None  # the last station no longer winds the cable
         return settled(model, [*stations, station(model, _body(model, text))], data["closed"])
     k, *cell = index
     if k >= len(stations):
@@ -321,7 +321,7 @@ def changed(
             one["friction"] = None if text else one.get("friction")
         case "friction":
             one["friction"] = None if empty else content(text, "number", display)
-            one["grip"] = one.get("grip") if empty else None  # it may slip
+            one["grip"] = one.get("grip") if empty else None  # an inner wheel may slip
         case "axis" if empty:
             one["axis"] = None
         case "radius":

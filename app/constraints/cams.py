@@ -25,7 +25,7 @@ FORMS = {
     "points": "angle lift; ... [{x}] [{y}] over one turn, or with units: 0 0; 90deg 12mm; "
     "180deg 20mm; 360deg 0",
 }
-POINTS = 24  # of a lift by segments that becomes one by points
+POINTS = 24  # points of a lift by points that replaces one by segments
 DRAWN = 181  # points of a drawn lift
 
 

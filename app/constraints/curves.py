@@ -1,4 +1,4 @@
-"""Curves and tables over time, and matrices, as text; curves of another kind (pure)."""
+"""Curves, tables over time and matrices as text, and curves of another kind (pure)."""
 
 from __future__ import annotations
 

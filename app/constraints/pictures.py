@@ -22,7 +22,7 @@ from .relations import ends_of, quantities
 
 Array = np.ndarray
 DRAWN = 121  # points of a drawn curve, two pixels apart, among them its middle
-WAY = np.finfo(float).eps ** (1 / 3)  # of a range: a slope over it has the least error
+WAY = np.finfo(float).eps ** (1 / 3)  # part of a range over which differences have the least error
 SI = {"length": "m", "angle": "rad", "number": ""}
 
 

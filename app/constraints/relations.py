@@ -100,7 +100,7 @@ def slopes_of(curve: pg.Curve) -> tuple[float, ...]:
     """Return the slopes of a curve at its points."""
     places, powers, *_ = curve.pieces
     slopes = dict(zip(places.tolist(), powers[1].tolist()))
-    if curve.x[-1] not in slopes:  # it repeats
+    if curve.x[-1] not in slopes:  # a periodic function
         slopes[curve.x[-1]] = slopes[curve.x[0]]
     return tuple(slopes[x] for x in curve.x)
 

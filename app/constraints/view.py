@@ -63,8 +63,8 @@ USUAL = (
 )  # fmt: skip
 OVER_TIME = "over time: 0 0; 1 0.5 is 0 at 0 s, 0.5 at 1 s; or an expression after ="
 MOST_NAMED = 4  # bodies of a new cable that its banner names
-NO_BODY = ("", "choose a body")  # of a list that adds one
-FUNCTIONS = {  # how the text of each kind of curve is written
+NO_BODY = ("", "choose a body")  # first entry of a list that adds a body
+FUNCTIONS = {  # notes on the text of each kind of curve
     **{
         kind: f"x value; x value; ... [{{}}] [{{}}], or with units: 0 0; 90deg 12mm; {text}"
         for kind, text in (

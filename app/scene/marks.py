@@ -472,7 +472,7 @@ def pushes(state: State, positions: np.ndarray, R: np.ndarray) -> list[Push]:
             found.append(Push(cam.point[0], cam.force[0], tuple(c.touches), of))
         elif c.name in result.constraint_force:
             k = d.number[c.body] - 1
-            own = (x.point for x in c._places if x.body == c.body)  # of a rope
+            own = (x.point for x in c._places if x.body == c.body)  # points of a rope
             at = positions[k] + R[k] @ np.asarray(next(own, model.point_of(c)))
             force = np.asarray(result.constraint_force[c.name][frame, 3:])
             found.append(Push(at, force, tuple(c.touches), ("constraints", c.name)))

@@ -117,7 +117,7 @@ class Tables(NamedTuple):
     hulls: tuple[tuple[float, str], ...]  # (volume over the mesh's, body) of hulls far larger
     friction_blocks: tuple[Ints, Array, Ints, Array] = block_arrays(())  # joint friction
     stations: Any = NO_STATIONS  # records VIA of the cables among the limits
-    cables: tuple[Cable, ...] = ()  # that do not stretch, one a segment: they are the last limits
+    cables: tuple[Cable, ...] = ()  # segments of those that do not stretch: the last limits
 
     def __bool__(self) -> bool:
         return bool(self.touches or self.limits or self.frictions)

@@ -34,7 +34,7 @@ CONST = 32
 # The track of a curve has two rows for each piece, and an end. The first row has the coordinate
 # where the piece begins [rad, m] and the displacement, the other one a quaternion of any length.
 # Both are polynomials of degree 7 in the way from there, the coefficients of each power together.
-TRACK_AT = PIECE_AT = 0  # of every function in pieces
+TRACK_AT = PIECE_AT = 0  # offset of the address in every function in pieces
 TRACK_PLACE = 1  # 24, eight vectors
 TRACK_RATE = 25  # first row: 1 / period of a closed curve, or 0 [1/rad, 1/m]
 TRACK_TURN = 0  # 32 in the other row, eight quaternions
@@ -107,8 +107,8 @@ AIM = 15  # 9, up to three directions fixed in A
 VALUE = 24  # length, radius [m], offset [rad, m], or velocity [rad/s, m/s]
 WRAP_FALL, WRAP_RISE = 6, 7  # bounds of a change of tension, relative to the tension before it
 # of a curve, whose DIR is a direction that it never has
-WAY, KNOWN = 9, 10  # where a point was last on its curve, 1 if it is known [m, or as its functions]
-GRAIN = 11  # of which the way is a whole multiple before the last steps of its search
+WAY, KNOWN = 9, 10  # last place of a point on its curve [m, or as its functions], 1 if it is known
+GRAIN = 11  # before the last steps of a search, the way is a whole multiple of this
 REACH = 12  # distance from the curve beyond which a point is sought along all of it [m]
 FRICTION, BOUNCE = 25, 26  # Coulomb's coefficient; restitution of a contact, or of an impact now
 SIZE = 27  # scale of the gaps of a limit [rad, m]

@@ -29,7 +29,7 @@ from .base import row
 COLUMNS = at.PIECE_RATE + 1
 ACTIVATION, FIBRE, RATE = range(3)  # columns of the first knot: two states, and l' [1/s]
 NEWTON_STEPS = 60  # a speed is found in about six, and in more where a curve is nearly flat
-HALVINGS = 64  # of the interval of a length, until numbers follow each other
+HALVINGS = 64  # halvings of an interval of lengths until its ends are adjacent numbers
 
 ROW = row(
     point_a=(REAL, 3),
@@ -37,13 +37,13 @@ ROW = row(
     f_max=REAL,  # [N]
     l_opt=REAL,  # [m]
     l_slack=REAL,  # [m]
-    width=REAL,  # of the muscle over l_opt
+    width=REAL,  # width of the muscle over l_opt
     least=REAL,  # length of the fibre over l_opt
     fastest=REAL,  # speed over l_opt [1/s]
     damping=REAL,  # β
     speed=(REAL, 2),  # s0, s1
     rigid=INTEGER,
-    pieces=(INTEGER, 4),  # of f_l, f_p, f_v and f_t, whose knots follow the first one
+    pieces=(INTEGER, 4),  # pieces of f_l, f_p, f_v and f_t, whose knots follow the first
 )
 ACTIVE, PASSIVE, VELOCITY, TENDON = range(4)
 

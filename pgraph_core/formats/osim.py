@@ -68,7 +68,9 @@ class _Reader:
         self.elements = self._bodies_by_name()
         file.collect(list(self.elements))
         self.joints = self._joints()
-        self.poses = {GROUND: HOME}  # of the file's bodies in ours, whose frames are of the joints
+        self.poses = {
+            GROUND: HOME
+        }  # poses of the file's bodies in ours, whose frames are those of the joints
         self.chains = self._chains()
         self.coordinates = dict[str, tuple[Coordinate, str, int]]()
 

@@ -159,7 +159,7 @@ class Forces:
 
     def _place(self, name: str, element: Element) -> tuple[str, int] | None:
         """Return the body of a coordinate and its place there, or None if it has none."""
-        if name in self.joined:  # it is a function of another one
+        if name in self.joined:  # a function of another coordinate
             return None
         if name not in self.coordinates:
             text = f"names {shown(name)}; coordinates are {choices(self.coordinates)}"

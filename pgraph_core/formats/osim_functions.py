@@ -24,7 +24,7 @@ MOST_POWERS = 8  # coefficients of a polynomial of a relation
 class Curve(NamedTuple):
     """A function of a coordinate: the rows of a spline, or else the powers of a polynomial."""
 
-    powers: tuple[float, ...] = (0.0,)  # that of x^0 first
+    powers: tuple[float, ...] = (0.0,)  # coefficients of 1, x, x^2, ...
     rows: tuple[Row, ...] = ()
 
     @property

@@ -17,7 +17,8 @@ from .conversion import Folders, Report
 from .osim_text import Array, Document, Element, Pose, turned
 
 ONES, ZERO = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
-ALONG_Y = rodrigues((1.0, 0.0, 0.0), -0.5 * np.pi)  # of cylinders, which are along z here
+# the turn of a cylinder, which is along z here and along y in the file
+ALONG_Y = rodrigues((1.0, 0.0, 0.0), -0.5 * np.pi)
 GEOMETRY = "Geometry"  # folder beside a model in which OpenSim looks for files
 
 
@@ -59,7 +60,7 @@ class Pictures:
                 pose = at @ self.file.frame(frame.get("name"), body)[1]
                 for inside in frame.all("attached_geometry"):
                     yield from ((x, pose) for x in inside.children)
-        for held in body.all("VisibleObject"):  # of versions before 4
+        for held in body.all("VisibleObject"):  # versions before 4
             scale = self.file.numbers(held, "scale_factors", ONES)
             for one in (x for x in held.inside() if x.tag == "DisplayGeometry"):
                 numbers = self.file.numbers(one, "transform", ZERO + ZERO)

@@ -17,7 +17,7 @@ from ..rotation import Quaternion, quaternion_of, rodrigues
 Array = np.ndarray
 FRAMES = ("PhysicalOffsetFrame",)
 OLDEST = 20000  # versions before it describe joints by other elements
-ENDINGS = {  # of tags of the parts in a set
+ENDINGS = {  # endings of the tags of parts in a set
     "BodySet": ("Body",),
     "JointSet": ("Joint",),
     "ConstraintSet": ("Constraint",),

@@ -379,7 +379,7 @@ class OfOne(InJoints):
 class OfTwo(OfOne):
     """A constraint by which the coordinate of one joint follows that of another joint."""
 
-    FOLLOWS: ClassVar[str] = ""  # what needs a second body
+    FOLLOWS: ClassVar[str] = ""  # the field that needs a second body
 
     other: Text = field("the name of a body", default=GROUND, label="Other")
     other_coordinate: Whole = field(

@@ -23,7 +23,7 @@ from ..rotation import unit_vector
 from ..tolerances import NOTABLE, SOLVED, VISIBLE
 from . import Array, joint_coordinates
 
-MOST_WRAP = 1.5 * math.pi  # rad: the other side of a wheel is meant beyond it
+MOST_WRAP = 1.5 * math.pi  # rad: beyond this angle the wheel has to lie on the other side
 
 Refuse = Callable[[str], Exception]
 
@@ -64,8 +64,8 @@ class Chain(NamedTuple):
 
     rows: Any  # records VIA
     starts: tuple[int, ...]  # the first station of each segment in them
-    length: float  # of the spans and of what lies on inner wheels at the start [m]
-    value: float  # of `engine.cables.cable_length` at the start [m]
+    length: float  # length of the spans and of the arcs on inner wheels at the start [m]
+    value: float  # `engine.cables.cable_length` at the start [m]
 
 
 class Segment(NamedTuple):
@@ -74,10 +74,10 @@ class Segment(NamedTuple):
     stations: tuple[Station, ...]
     rows: Any  # records VIA
     spans: Array  # (n - 1, 9) first point, last point and direction of every span at the start
-    length: float  # of the spans and of what lies on inner wheels at the start [m]
-    value: float  # of `engine.cables.cable_length` at the start [m]
+    length: float  # length of the spans and of the arcs on inner wheels at the start [m]
+    value: float  # `engine.cables.cable_length` at the start [m]
     chain: Chain
-    number: int = 0  # in the chain, from 0
+    number: int = 0  # number of the segment in its chain, from 0
 
 
 def segments(

@@ -31,7 +31,7 @@ from .cables import Segment, one_length, segments
 from .forces import Placed, terms_of
 from .programs import of_coordinate, of_time
 
-GRAIN = EPS**0.5  # of a way along a curve, over its length: two steps of Newton's then round
+GRAIN = EPS**0.5  # grain of a way over its length, which two steps of Newton's method make exact
 
 Term = tuple[int, int, float]  # index into v, into q or -1, coefficient
 

@@ -91,7 +91,7 @@ class Places:
             return kernels.NUMBER, CONTACT, number_of_cable(model, f), k
         rows = self._rows.get(name)
         if rows is None:
-            return (kernels.NUMBER,)  # it does not act, and has no tension
+            return (kernels.NUMBER,)  # an inactive force has no tension
         return kernels.NUMBER, TENSION, rows[max(k - 1, 0)]
 
     @cached_property
@@ -190,7 +190,7 @@ def signals(
     program = Program(model.parameters, places, controls, known, holds=True)
     targets = list[tuple[int, ...]]()
     rows = iter(drives.table[drives.passive :])
-    tables = {  # of loads that may vary, which have one row each
+    tables = {  # tables of the loads that may vary, with one row for each
         part: table
         for table in ((kind, 1 + n, iter(loads[n][0])) for n, kind in enumerate(LOADS))
         for part in table[0].parts

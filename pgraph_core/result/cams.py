@@ -1,4 +1,4 @@
-"""Where the followers of cams touch in a run, with which force."""
+"""The contacts of followers with their cams in a run: places, forces and pressure angles."""
 
 from __future__ import annotations
 

@@ -131,7 +131,7 @@ class Kind(ABC):
     # -- files of other programs -----------------------------------------------------------------
 
     def urdf(self, shape: Any, drawn: bool) -> Sequence[Element]:
-        """Return its elements in URDF if it is drawn, or if it touches; none if URDF has none."""
+        """Return its elements in URDF, drawn or for contact, or none if URDF has no such shape."""
         return ()
 
     def mjcf(self, shape: Any) -> tuple[str, Sequence[float]] | None:

@@ -115,7 +115,7 @@ class Measured(NamedTuple):
     """A force that is measured, with the operands of its instruction."""
 
     what: int = 0
-    number: int = 0  # of the constraint, contact or cable, or the row of a path
+    number: int = 0  # number of the constraint, contact or cable, or row of the path
     segment: int = 0  # from 1, 0: the whole part
 
 
@@ -258,7 +258,7 @@ class Condition:
         if what >= TENSION:
             return self._tension(number, t, q, v)
         if what < CONSTRAINT:
-            return 0.0  # of a force that does not act
+            return 0.0  # an inactive force has no tension
         if what < CONTACT:
             force = self._held(number, segment, t, q, v)
         else:

@@ -25,7 +25,7 @@ from ..vec import add_scaled, cross, dot, load, mul, mul_t, scale, store, sub
 
 AXES = 3  # rows of a piece, one for each coordinate of the curve
 PLACES_TRIED = 8  # places in each piece from which the nearest point is sought
-MOST_DESCENTS = 32  # of a search from one place: more are needed beside no regular curve
+MOST_DESCENTS = 32  # rounds of a search from one place, more than any regular curve needs
 LAST_STEPS = 2  # after them the error of the first beginning is below rounding
 
 

@@ -20,7 +20,7 @@ TRIALS = 80  # looks: bisections need 52, and AHEAD more
 
 
 class Margins(NamedTuple):
-    """What a search asks of a table of margins [row, n]."""
+    """The columns of a table of margins [row, n] that a search reads."""
 
     first: int  # every `step`-th column from here on is a margin
     step: int
