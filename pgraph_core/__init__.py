@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from .analysis.feedback import place_poles as place_poles
     from .analysis.mobility import Mobility as Mobility
     from .batches.batch_stepper import BatchStepper as BatchStepper
+    from .capture.trial import Plate as Plate
+    from .capture.trial import Trial as Trial
+    from .capture.trial import read_trial as read_trial
     from .errors import FileError as FileError
     from .errors import InputError as InputError
     from .errors import ModelError as ModelError

@@ -14,6 +14,7 @@ from .analysis.mobility import Mobility, mobility
 from .dynamics import Dynamics
 from .dynamics.arguments import by_name, finite, for_each_state, named_in, wrong_type
 from .dynamics.dynamics import EMPTY, UNFIT
+from .dynamics.many import parameters, regressor
 from .errors import Called, InputError, Problem, explained, shown
 from .model import Model, Motion, Polynomial
 from .packing import Array
@@ -260,6 +261,44 @@ class Mechanism(Dynamics):
             v, such as a rotation vector in body axes for a ball joint, instead of the entries of q.
         """
         return _derivatives()(self, q, v, tau)
+
+    def regressor(self, q: Array, v: Array, vdot: Array) -> Array:
+        """Return the matrix Y with which joint torques are linear in masses and inertias.
+
+        τ = Y π of the bodies' inertial parameters π, in addition to armature and passive forces, as
+        in `inverse_dynamics`. Where constraints act, τ includes the torques of their forces.
+
+        Parameters
+        ----------
+        q, v, vdot : (nq,), (nv,) and (nv,) arrays, or one row for each of n states
+            State and acceleration.
+
+        Returns
+        -------
+        (nv, 10 nb) or (n, nv, 10 nb) array
+            Y, with ten columns for each body by number.
+
+        Examples
+        --------
+            Y = mech.regressor(q, v, vdot)
+            tau = Y @ mech.inertial_parameters()
+        """
+        states = tuple(self._numbers(q=q, v=v, vdot=vdot))
+        one = all(np.ndim(x) < 2 for x in states)
+        q, v, vdot = (np.atleast_2d(np.asarray(x, dtype=float)) for x in states)
+        n = max(map(len, (q, v, vdot)))
+        sizes = {"q": (q, self.nq), "v": (v, self.nv), "vdot": (vdot, self.nv)}
+        given = [finite(name, x, len(x), size) for name, (x, size) in sizes.items()]
+        found = regressor(self, *(np.broadcast_to(x, (n, x.shape[1])) for x in given))
+        return found[0] if one else found
+
+    def inertial_parameters(self) -> Array:
+        """Return the ten inertial parameters of each body by number, (10 nb,).
+
+        They are the mass [kg], the mass times the centre of mass [kg m], and the inertia about the
+        body's origin, xx, xy, xz, yy, yz and zz [kg m^2], in body axes.
+        """
+        return parameters(self)
 
     def linearise(
         self, q: Array | None = None, v: Array | None = None, scenario: str | None = None
