@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .signals import Node, parsed
 
 STATE = "state"  # the group of signals that names the states of a part, within its own trees
+
+
+class Quantity(NamedTuple):
+    """The quantity of a state: results show the state times `scale` as the column WORD.NAME."""
+
+    word: str
+    unit: str
+    scale: float = 1.0
 
 
 class Own(NamedTuple):
@@ -17,7 +25,8 @@ class Own(NamedTuple):
     `change` is its rate, or its new value at multiples of `sample` [s] if that is not 0, or None
     for a state whose rate is computed with the loads on the bodies. `start` is its first value.
     `column` is that of the knot of its load which gets it, or None. `given` is the constant input
-    that it follows, if the part has one.
+    that it follows, if the part has one. `quantity` names it in results. `at_rest(places, before)`
+    returns the first value from the places of bodies and the state before it, where `start` is NaN.
     """
 
     change: Node | None
@@ -25,6 +34,8 @@ class Own(NamedTuple):
     sample: float = 0.0
     column: int | None = None
     given: Node | None = None
+    quantity: Quantity | None = None
+    at_rest: Callable[[Any, float], float] | None = None
 
 
 class Stateful:

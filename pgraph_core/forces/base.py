@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -29,6 +29,9 @@ from ..fields import (
     listed,
     refuse,
 )
+from ..signals import Node, parsed
+from ..signals.grammar import filled
+from ..signals.meaning import TIME
 from .obstacles import OBSTACLE
 
 KIND = "the name of a kind of force"
@@ -89,6 +92,23 @@ class Force(OfKinds):
         return ""
 
 
+def tree_of(value: float | str | Table) -> Node:
+    """Return a number, a table over time or an expression as a tree."""
+    if isinstance(value, str):
+        return parsed(value)
+    if isinstance(value, Table):
+        knots = [Node("number", value=y) for x in zip(value.t, value.value) for y in x]
+        return Node("table", args=(Node("name", signal=("", TIME, 0)), *knots))
+    return Node("number", value=value)
+
+
+def held(x: Node, low: float, high: float) -> Node:
+    """Return a tree that is clamped to its finite bounds."""
+    if math.isfinite(low):
+        x = filled("max(x, low)", x=x, low=tree_of(low))
+    return filled("min(x, high)", x=x, high=tree_of(high)) if math.isfinite(high) else x
+
+
 class Driven(Force):
     """A force with one field that is its input, which runs and steppers can give."""
 
@@ -103,6 +123,12 @@ class Driven(Force):
         """The minimum and maximum of the input."""
         low, high = self.input_low, self.input_high
         return (-math.inf if low is None else low), (math.inf if high is None else high)
+
+    @property
+    def given(self) -> Node:
+        """The input as a tree. An expression is held within its bounds."""
+        value = getattr(self, self.INPUT)
+        return held(parsed(value), *self.inputs) if isinstance(value, str) else tree_of(value)
 
     def input_problem(self, value: float | Table | str) -> str:
         """Return the reason why a value or table is invalid as an input, or ""."""
@@ -167,6 +193,17 @@ class Places(Protocol):
         ...
 
 
+class InKnots(NamedTuple):
+    """A number that varies in the knots of a force: its column and its value.
+
+    It is the same in every knot, or is that of the first one only.
+    """
+
+    column: int
+    value: Node
+    everywhere: bool = True
+
+
 class OnBody(Force):
     """A force acting on `body` itself."""
 
@@ -177,6 +214,12 @@ class OnBody(Force):
         """Return True if the force may act in a run."""
         values = (getattr(self, name) for name in self.SCALES)
         return any(any(x) if isinstance(x, tuple) else bool(x) for x in values)
+
+    def varying(self, at: Places) -> Iterator[InKnots]:
+        """Yield the numbers that vary in its knots."""
+        for column, name in enumerate(self.VARIES):
+            if isinstance(value := getattr(self, name), str):
+                yield InKnots(column, parsed(value))
 
     @property
     def _idle(self) -> str:

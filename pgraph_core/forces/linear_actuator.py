@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -11,8 +12,9 @@ from pydantic import model_validator
 from ..curves import Table
 from ..errors import shown
 from ..fields import Expression, Number, field, refuse
+from ..signals.grammar import filled
 from ..units import NONE, M, N, S
-from .base import KIND, Array, Driven, Places, over_time
+from .base import KIND, Array, Driven, InKnots, Places, held, over_time, tree_of
 from .path import BetweenPoints, pack_points
 from .strut import PULL, STOP
 
@@ -102,6 +104,12 @@ class LinearActuator(BetweenPoints, Driven):
         """The minimum and maximum force [N]."""
         low, high = self.force_low, self.force_high
         return (-math.inf if low is None else low), (math.inf if high is None else high)
+
+    def varying(self, at: Places) -> Iterator[InKnots]:
+        """Yield the pull of the input, without the parts of length and rate."""
+        bias, gain = tree_of(self.bias), tree_of(self.gain)
+        push = held(filled("bias + gain*u", bias=bias, gain=gain, u=self.given), *self.forces)
+        yield InKnots(PULL, filled("-push", push=push), everywhere=False)
 
     def force_at(self, u: float) -> float:
         """Return the force at an input, without the parts of length and rate [N]."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -16,10 +16,9 @@ from ..fields import EMPTY, Expression, Number, field, fixed, listed, refuse
 from ..muscles import MODELS, TENDON, MuscleModel
 from ..signals import Node
 from ..signals.grammar import filled
-from ..signals.meaning import TIME
-from ..stateful import Own, Stateful
+from ..stateful import Own, Quantity, Stateful
 from ..units import NONE, RAD, M, N, S
-from .base import KIND, Array, Driven, Load, Places, over_time
+from .base import KIND, Array, Driven, InKnots, Load, Places, over_time, tree_of
 from .hill import (
     ACTIVATION,
     COLUMNS,
@@ -161,9 +160,14 @@ class Muscle(Stateful, BetweenPoints, Driven):
         rate = self.kind_of.activation(a, u, self._number("rise"), self._number("fall"), shape)
         start = u if self.start is None else self._number("start")
         constant = self._number(self.INPUT) if isinstance(self.excitation, float) else None
-        activation = Own(rate, start, column=ACTIVATION, given=constant)
-        at_rest = Own(None, Node("number", value=math.nan), column=FIBRE)
-        return (activation, at_rest) if self.is_elastic else (activation,)
+        activation = Own(rate, start, column=ACTIVATION, given=constant,
+                         quantity=Quantity("activation", "1"))  # fmt: skip
+        if not self.is_elastic:
+            return (activation,)
+        fibre = Own(None, Node("number", value=math.nan), column=FIBRE,
+                    quantity=Quantity("fibre", "m", self.l_opt),
+                    at_rest=lambda at, a: fibre_at_rest(self, at, a))  # fmt: skip
+        return activation, fibre
 
     @property
     def value(self) -> Node:
@@ -178,12 +182,12 @@ class Muscle(Stateful, BetweenPoints, Driven):
     def _driven(self) -> Node:
         """Return the excitation within its bounds."""
         given = self.excitation
-        if isinstance(given, Table):
-            knots = [Node("number", value=y) for x in zip(given.t, given.value) for y in x]
-            u = Node("table", args=(Node("name", signal=("", TIME, 0)), *knots))
-        else:
-            u = self._read(self.INPUT)
+        u = self._number(self.INPUT) if isinstance(given, float) else tree_of(given)
         return filled("min(max(u, least), 1)", u=u, least=self._number("weakest"))
+
+    def varying(self, at: Places) -> Iterator[InKnots]:
+        """Yield nothing: its knot gets its states."""
+        yield from ()
 
     @property
     def numbers(self) -> dict[str, float]:

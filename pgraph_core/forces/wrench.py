@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from functools import reduce
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -13,8 +15,21 @@ from ..engine.records import INTEGER, REAL
 from ..engine.rows import point_of, point_velocity, rotation_of, spin_of
 from ..engine.vec import add_scaled, dot, load, mul, sub, xyz
 from ..fields import Entries3, Vec3, field, maybe_vector
+from ..signals import Node
+from ..signals.grammar import filled
 from ..units import J, M, N
-from .base import KIND, Array, Load, OnBody, Places, on_pair, row, vector_over_time
+from .base import (
+    KIND,
+    Array,
+    InKnots,
+    Load,
+    OnBody,
+    Places,
+    on_pair,
+    row,
+    tree_of,
+    vector_over_time,
+)
 
 
 class Wrench(OnBody):
@@ -46,6 +61,23 @@ class Wrench(OnBody):
     @property
     def _idle(self) -> str:
         return ""  # zeros are what a run or a form fills in
+
+    def varying(self, at: Places) -> Iterator[InKnots]:
+        """Yield the entries that vary, in the axes of the row."""
+        turn = at.home(self.body) if self.frame == "body" else np.eye(3)
+        for first, value in ((1, self.torque), (4, self.force)):
+            if not isinstance(value, VectorTable) and str in map(type, value):
+                for k, row in enumerate(turn.tolist(), start=first):
+                    yield InKnots(k, _weighted(row, value))
+
+
+def _weighted(weights: Sequence[float], values: Sequence[float | str]) -> Node:
+    """Return the sum of values times weights as a tree."""
+    parts = [
+        tree_of(x) if by == 1.0 else filled("by*x", by=tree_of(by), x=tree_of(x))
+        for by, x in zip(weights, values) if by
+    ]  # fmt: skip
+    return reduce(lambda total, one: filled("total + one", total=total, one=one), parts)
 
 
 def _over(t: Array, value: Any) -> Array:

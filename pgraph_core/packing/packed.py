@@ -19,8 +19,6 @@ from ..engine.signals import first_values
 from ..engine.tree import bodies
 from ..errors import Problem, shown
 from ..fields import GROUND
-from ..forces import Muscle
-from ..forces.muscle import fibre_at_rest
 from ..joints import DIRECTED, TRACKED, code_of, slides
 from ..model import Body, Force, Model
 from ..stateful import Stateful
@@ -116,10 +114,10 @@ class Packed:
         q, v = np.append(q[: self.nq], none), np.append(v[: self.nv], none)
         first_values(signals[0].copy(), signals[2], t, q, v)
         for i in np.flatnonzero(np.isnan(v[self.nv :])).tolist():  # fibres, behind activations
-            muscle = states_of(self.model)[i][0]
-            assert isinstance(muscle, Muscle)
+            at_rest = states_of(self.model)[i][2].at_rest
+            assert at_rest is not None
             at_q = Placed(self.model, self.topology, self.system, self.poses(q))
-            v[self.nv + i] = fibre_at_rest(muscle, at_q, v[self.nv + i - 1])
+            v[self.nv + i] = at_rest(at_q, v[self.nv + i - 1])
         return q, v
 
     @cached_property

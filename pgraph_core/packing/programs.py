@@ -25,7 +25,7 @@ from ..engine.stepping.measured import (
     TOUCH,
 )
 from ..fields import EMPTY
-from ..forces import Driven, LinearActuator, OnJoint, Strut
+from ..forces import Driven, OnJoint, Strut
 from ..forces.strut import bends
 from ..functions import corners_of
 from ..model import Body, Force, Relation
@@ -158,9 +158,7 @@ class Program:
 
     def input(self, f: Driven) -> Operand:
         """Add the value of a drive's input, within its bounds."""
-        given = getattr(f, f.INPUT)
-        u = self.value(given)
-        return self.held(u, *f.inputs) if isinstance(given, str) else u
+        return self.of(f.given)
 
     def of_drive(self, f: OnJoint) -> tuple[Operand | None, Operand | None]:
         """Return (target, torque) for a drive in kernel form, with None for constant values.
@@ -188,11 +186,6 @@ class Program:
                 along = self.times(by * factor, self.put(*self._places(group, body, k)))
                 found = self.put(kernels.SUB, found, along)
         return self.held(found, *f.torques)
-
-    def pull(self, f: LinearActuator) -> Operand:
-        """Add the pull of an actuator along a path, without the parts of length and rate."""
-        force = self.put(kernels.ADD, self.number(f.bias), self.times(f.gain, self.input(f)))
-        return self.times(-1.0, self.held(force, *f.forces))
 
     def times(self, by: float, x: Operand) -> Operand:
         """Add a product with a constant."""

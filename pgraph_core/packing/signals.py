@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from .. import joints
-from ..curves import VectorTable
 from ..engine import signals as kernels
 from ..engine.signals import DRIVE, LAW, STATES, TARGETS
 from ..engine.stepping.measured import (
@@ -20,16 +19,15 @@ from ..engine.stepping.measured import (
     TENSION,
 )
 from ..errors import ModelError, Problem, choices
-from ..forces import LOADS, Cable, LinearActuator, OnBody, OnJoint, Strut, Wrench
-from ..forces.strut import PULL
+from ..forces import LOADS, Cable, LinearActuator, OnBody, OnJoint, Strut
 from ..model import Contact, Force, Model, Rope
 from ..model.expressions import TENSE
 from ..pulleys import segment_names
 from ..signals import parsed, written
 from ..stateful import STATE, Own, Stateful
 from ..topology import Topology
-from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates
-from .programs import Operand, Program
+from . import Array, Drives, Ints, Loads, System, joint_coordinates
+from .programs import Program
 
 NO_STATES = np.zeros((0, STATES), np.int64)
 NO_SIGNALS = np.zeros((0, kernels.COLUMNS)), np.zeros((0, TARGETS), np.int64), NO_STATES
@@ -117,23 +115,8 @@ class Places:
     def of_load(self, program: Program, f: OnBody, row: Any) -> Iterator[tuple[int, ...]]:
         """Yield (value, first knot, how many, column) for each number that varies in a load."""
         first, count = row[[*SPAN]].tolist()
-        if isinstance(f, LinearActuator):
-            yield program.pull(f), first, 1, PULL
-        elif isinstance(f, Wrench):
-            yield from ((x, first, count, k) for x, k in self._of_wrench(program, f))
-        elif not isinstance(f, Stateful):  # its knots get its states
-            for column, name in enumerate(f.VARIES):
-                if isinstance(value := getattr(f, name), str):
-                    yield program.value(value), first, count, column
-
-    def _of_wrench(self, program: Program, f: Wrench) -> Iterator[tuple[Operand, int]]:
-        """Yield (value, column of the knots) for each entry that varies, in the axes of the row."""
-        number = self._topology.number(f.body)
-        turn = home_of(self._packed, number) if f.frame == "body" else np.eye(3)
-        for first, value in ((1, f.torque), (4, f.force)):
-            if not isinstance(value, VectorTable) and str in map(type, value):
-                own = _turned(program, turn, [program.value(x) for x in value])
-                yield from zip(own, range(first, first + 3))
+        for one in f.varying(self._placed()):
+            yield program.of(one.value), first, count if one.everywhere else 1, one.column
 
 
 def states_of(model: Model) -> list[tuple[Stateful, int, Own]]:
@@ -141,7 +124,7 @@ def states_of(model: Model) -> list[tuple[Stateful, int, Own]]:
     return [(c, k, own) for c in model.stateful for k, own in enumerate(c.own)]
 
 
-def excitations_of(model: Model, states: Array) -> dict[str, int]:
+def inputs_of_states(model: Model, states: Array) -> dict[str, int]:
     """Return the rows in the program of the constant inputs of parts with states, by name."""
     given = states[:, kernels.INPUT_OF].tolist()
     return {c.name: 2 * row for (c, _, _), row in zip(states_of(model), given) if row >= 0}
@@ -301,16 +284,4 @@ def limits_of(table: Any, code: Array) -> Array:
     of = rows[:, MEASURE.first].astype(int)
     found[of] = -np.inf, np.inf
     found[of, rows[:, MEASURE.count].astype(int)] = rows[:, MEASURE.value]
-    return found
-
-
-def _turned(program: Program, turn: Array, x: Sequence[Operand]) -> list[Operand]:
-    """Multiply a vector by a matrix."""
-    found = list[Operand]()
-    for row in turn.tolist():
-        parts = [program.times(by, one) for by, one in zip(row, x) if by]
-        total = parts[0]
-        for other in parts[1:]:
-            total = program.put(kernels.ADD, total, other)
-        found.append(total)
     return found

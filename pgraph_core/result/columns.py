@@ -17,7 +17,6 @@ import numpy as np
 from .. import words
 from ..dynamics.arguments import finite
 from ..errors import InputError, NameLookupError, Problem, choices, needed, shown
-from ..forces import Muscle
 from ..joints import units_of
 from ..packing import Array
 from ..packing.signals import states_of
@@ -77,23 +76,23 @@ def columns_of(run: Any, bodies: bool = False) -> dict[str, Column]:
 
 
 def _controls(run: Any) -> dict[str, Column]:
-    """Return the values of controls, and the states that stand behind them, numbered from 1.
+    """Return the values of controls and their states, numbered from 1.
 
-    Those of a muscle are its activation and the length of its fibre.
+    A state with a quantity has its name instead, as `activation.NAME` of a muscle.
     """
-    muscles = [f for f in run.mechanism.model.stateful if isinstance(f, Muscle)]
-    found = {f"activation.{f.name}": Column("1", run.controls[f.name]) for f in muscles}
-    of_muscles = {f.name: f for f in muscles}
+    states, parts = run.states.T, states_of(run.mechanism.model)
+    found = {
+        f"{own.quantity.word}.{part.name}": Column(own.quantity.unit, own.quantity.scale * x)
+        for (part, _, own), x in zip(parts, states) if own.quantity is not None
+    }  # fmt: skip
+    named = {part.name for part, _, own in parts if own.quantity is not None}
     for name, value in run.controls.items():
-        if name not in of_muscles:
+        if name not in named:
             found[f"x.{name}"] = Column("1", value)
-    for (control, k, _), x in zip(states_of(run.mechanism.model), run.states.T):
-        if control.name in of_muscles:
-            if k == 1:
-                found[f"fibre.{control.name}"] = Column("m", x * of_muscles[control.name].l_opt)
-            continue
-        if not np.array_equal(x, run.controls[control.name], equal_nan=True):
-            found[f"x.{control.name}.{k + 1}"] = Column("1", x)
+    for (part, k, own), x in zip(parts, states):
+        unnamed = own.quantity is None
+        if unnamed and not np.array_equal(x, run.controls[part.name], equal_nan=True):
+            found[f"x.{part.name}.{k + 1}"] = Column("1", x)
     return found
 
 

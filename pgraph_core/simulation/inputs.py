@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from ..dynamics.arguments import finite
 from ..engine.signals import NUMBER_AT
 from ..errors import InputError, Problem, one_of, shown
-from ..forces import LinearActuator, Muscle, OnJoint, Strut
+from ..forces import Driven, LinearActuator, OnJoint, Strut
 from ..forces.linear_actuator import GIVEN, write_input
 from ..model import Force, Servo, Table
 from ..packing import Array, Drives, Loads
@@ -69,10 +69,10 @@ class InputOfPath(NamedTuple):
         return "strut", self.knot, -self.force.gain if inside else 0.0
 
 
-class Excitation(NamedTuple):
-    """The constant excitation of a muscle, which is a number in the program of a run."""
+class InputOfStates(NamedTuple):
+    """The constant input of a part with states, which is a number in the program of a run."""
 
-    force: Muscle
+    force: Driven
     row: Array
 
     @property
@@ -80,12 +80,13 @@ class Excitation(NamedTuple):
         return float(self.row[NUMBER_AT])
 
     def put(self, u: float, t: float) -> None:
-        """Set the excitation to u."""
+        """Set the input to u."""
         self.row[NUMBER_AT] = u
 
     def acts(self) -> tuple[str, int, float]:
         """Raise InputError: one step has no derivatives by a number of a program."""
-        text = "is the excitation of a muscle, by which one step has no derivatives; use "
+        text = f"is the {self.force.INPUT} of a {self.force.word()}, by which one step has no "
+        text += "derivatives; use "
         text += f"simulate(inputs={{{self.force.name!r}: ...}}, wrt=['inputs.{self.force.name}'])"
         raise InputError(Problem("Stepper.linearise", f"'{self.force.name}'", text))
 
@@ -99,7 +100,7 @@ class Inputs:
     def __init__(self, forces: Sequence[Force], drives: Drives, loads: Loads, read: Container[str]):
         self._drives = drives.knots
         self.servos: dict[str, int] = {}  # the knot of each target
-        self.known: dict[str, Input | InputOfPath | Excitation] = {}
+        self.known: dict[str, Input | InputOfPath | InputOfStates] = {}
         driving = [f for f in forces if isinstance(f, OnJoint)]
         rows = drives.table[[*KNOTS, *FOLLOWS]][drives.passive :].tolist()
         for f, (first_target, targets, first_torque, torques, *follows) in zip(driving, rows):
@@ -121,13 +122,11 @@ class Inputs:
             if isinstance(f, LinearActuator) and not f._varies:
                 self.known[f.name] = InputOfPath(f, knots, int(one["first_knot"]))
 
-    def add_excitations(
-        self, forces: Sequence[Force], code: Array, rows: Mapping[str, int]
-    ) -> None:
-        """Add the muscles whose excitation is a number in these rows of the program."""
+    def add_of_states(self, forces: Sequence[Force], code: Array, rows: Mapping[str, int]) -> None:
+        """Add the parts with states whose input is a number in these rows of the program."""
         for f in forces:
-            if isinstance(f, Muscle) and f.name in rows:
-                self.known[f.name] = Excitation(f, code[rows[f.name]])
+            if isinstance(f, Driven) and f.name in rows:
+                self.known[f.name] = InputOfStates(f, code[rows[f.name]])
 
     def values(self) -> dict[str, float]:
         """Return the values of the inputs by name."""

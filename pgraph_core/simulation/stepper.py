@@ -23,7 +23,7 @@ from ..model.expressions import drives_read
 from ..model.settings import STEP
 from ..packing import Array
 from ..packing.forces import on_bodies
-from ..packing.signals import excitations_of
+from ..packing.signals import inputs_of_states
 from ..portable import ReadOnly, put_back
 from ..result import Result, Status
 from ..result.records import Memory
@@ -529,8 +529,8 @@ class Stepper(Readings):
         read = {name for part in parts for name in drives_read(part)}
         plan = self._record.plan
         self._inputs = Inputs(forces, plan.drives, plan.loads, read)
-        excitations = excitations_of(mech.model, plan.loads.signals[2])
-        self._inputs.add_excitations(forces, plan.loads.signals[0], excitations)
+        rows = inputs_of_states(mech.model, plan.loads.signals[2])
+        self._inputs.add_of_states(forces, plan.loads.signals[0], rows)
         self._ended(Outcome())
         self._open()
 

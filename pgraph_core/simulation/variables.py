@@ -19,11 +19,12 @@ from ..engine.arrays import DESCRIBED, SCENE_OF_DUALS
 from ..engine.compiler.kinds import F1, carrying, group
 from ..engine.signals import JUMPING, SAMPLE
 from ..errors import InputError, ModelError, PgraphError, Problem, shown
-from ..forces import Muscle, OnJoint
+from ..forces import OnJoint
 from ..mechanism import Mechanism
 from ..packing import Array
 from ..packing.forces import times_at_bounds
 from ..packing.programs import unlocated
+from ..packing.signals import states_of
 from ..tolerances import EPS, NOTABLE, step_of_differences
 from .options import Options
 from .paths import Path, distinct, no_joint, with_numbers
@@ -36,8 +37,8 @@ CENTRAL = {-3: -1 / 60, -2: 3 / 20, -1: -3 / 4, 1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 ONE_SIDED = {0: -49 / 20, 1: 6.0, 2: -15 / 2, 3: 20 / 3, 4: -15 / 4, 5: 6 / 5, 6: -1 / 6}
 KEPT_SLOPES = 32_768  # numbers in the slopes that a plan keeps
 SHARE = step_of_differences(6)  # step of differences over the size of a number
-# steps of differences, each a sixteenth of the last, that are tried beside idle parts and for the
-# equilibrium in which muscles begin
+# steps of differences, each a sixteenth of the last, that are tried beside idle parts and for
+# states that begin in equilibrium
 FINER = 3
 START = group(carrying(F1), carrying(F1))
 
@@ -334,8 +335,8 @@ class Slopes:
             found[(-self._nv if kind else self._end) + place] = 1.0
             return self._parts(found)
         found = self._by_differences(variable, h := variable.step(), end)
-        curved = any(isinstance(f, Muscle) for f in self._given.mech.model.forces)
-        if found.straight or not (curved or variable.idle is not None):
+        settled = any(own.at_rest for _, _, own in states_of(self._given.mech.model))
+        if found.straight or not (settled or variable.idle is not None):
             return self._parts(found.slope)
         for _ in range(FINER):  # no size says how far the numbers go on smoothly
             before, h = found.slope, h / 16.0

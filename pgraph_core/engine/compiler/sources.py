@@ -20,6 +20,7 @@ FORCES, LIMITS = ENGINE.parent / "forces", ENGINE.parent / "tolerances.py"
 # how machine code is kept, found and called: no kernel is compiled from it
 _OF_KEEPING = ("archive", "building", "calls", "clock", "loading", "optimising", "sources", "tools")
 KEEPING = {HERE / f"{name}.py" for name in _OF_KEEPING}
+DESCRIBING = ast.ClassDef, ast.FunctionDef, ast.Import, ast.ImportFrom
 LOWERING = frozenset(HERE.glob("lowering/*.py"))  # instructions to numba for every kernel
 
 
@@ -86,7 +87,10 @@ def code_hash(path: Path) -> str:
 
 
 def text_of(path: Path) -> str:
-    """Return the source of a file. A force's source is reduced to the parts used by its kernels."""
+    """Return the source of a file. A force's source is reduced to the parts used by its kernels.
+
+    Its imports are left out as well: those of kernels are in the files of `imported`.
+    """
     text = path.read_text(encoding="utf-8")
     if path.parent != FORCES:
         return text
@@ -95,7 +99,7 @@ def text_of(path: Path) -> str:
         # a function that is decorated, or that makes such functions
         functions = [x for x in ast.walk(one) if isinstance(x, ast.FunctionDef)]
         kernel = isinstance(one, ast.FunctionDef) and any(x.decorator_list for x in functions)
-        if isinstance(one, (ast.ClassDef, ast.FunctionDef)) and not kernel:
+        if isinstance(one, DESCRIBING) and not kernel:
             for k in range(one.lineno - 1, one.end_lineno or 0):
                 lines[k] = ""
     return "".join(lines)
