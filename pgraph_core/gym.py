@@ -21,7 +21,7 @@ import numpy.typing as npt
 from .batches.batch_stepper import BatchStepper
 from .dynamics.arguments import finite
 from .errors import InputError, Problem, choices, explained, needed, shown
-from .forces import OnJoint
+from .forces import Driven, OnJoint
 from .mechanism import Mechanism, mechanism_of
 from .model import Model, Motor, Servo
 from .simulation.stepper import Stepper
@@ -63,13 +63,13 @@ def make(
     """Create an environment for a model. If `num_envs` is given, a vector environment with one
     `BatchStepper` is returned.
 
-    An action contains the inputs of the model's motors, servos and actuators, within their limits,
-    or the torques of all joints if the model has none. It acts for `dt` [s]. The observation
-    contains the model's outputs in order, or q and v if the model has none. `reward` and `ended`
-    are functions of (observation, action) and of the observation, by default 0 and never. Vector
-    environments call them with one row per instance. An episode also ends if the run fails.
-    `start(rng)` returns the initial (q, v) of an episode, by default the initial state of the
-    model. `options` are arguments of `Stepper` or `BatchStepper`. Raises InputError.
+    An action contains the inputs of the model's motors, servos, actuators and muscles, within their
+    limits, or the torques of all joints if the model has none. It acts for `dt` [s]. The
+    observation contains the model's outputs in order, or q and v if the model has none. `reward`
+    and `ended` are functions of (observation, action) and of the observation, by default 0 and
+    never. Vector environments call them with one row per instance. An episode also ends if the run
+    fails. `start(rng)` returns the initial (q, v) of an episode, by default the initial state of
+    the model. `options` are arguments of `Stepper` or `BatchStepper`. Raises InputError.
     """
     task = Task(mechanism_of(model, "gym.make"), dt, reward, ended, start)
     if num_envs is not None:
@@ -116,18 +116,18 @@ class Task:
         n = max(1, math.ceil(self.dt / step - 0.5))
         return n, {**options, "step": self.dt / n}
 
-    def drives(self, inputs: Sequence[str]) -> list[OnJoint]:
+    def drives(self, inputs: Sequence[str]) -> list[Driven]:
         """Return the forces that take the actions as inputs."""
         forces = self.mech.model.forces
-        return [f for f in forces if isinstance(f, OnJoint) and f.name in inputs]
+        return [f for f in forces if isinstance(f, Driven) and f.name in inputs]
 
-    def actions(self, drives: Sequence[OnJoint]) -> Any:
+    def actions(self, drives: Sequence[Driven]) -> Any:
         """Return the action space."""
         bounds = [self._bounds(f) for f in drives] or [(-math.inf, math.inf)] * self.mech.nv
         low, high = np.array(bounds, dtype=np.float32).reshape(-1, 2).T
         return gymnasium.spaces.Box(low, high, dtype=np.float32)
 
-    def _bounds(self, f: OnJoint) -> tuple[float, float]:
+    def _bounds(self, f: Driven) -> tuple[float, float]:
         """Return the limits of an input, narrowed by the motor's torque or the joint limits."""
         low, high = f.inputs
         if isinstance(f, Motor) and not f.integrates:
@@ -282,11 +282,12 @@ class Instances:
         for i in self._motors:  # whose torques an action brings
             model = model.edit(self.drives[i].name, torque=0.0)
         self.batch = BatchStepper(model, size, **of_batch, **options)
-        if other := [f.name for f in self.drives if f.has_state or not isinstance(f, DRIVEN)]:
+        if other := [f.name for f in self.drives if not isinstance(f, DRIVEN) or f.has_state]:
             text = f"takes motors and servos without lag or integral, not {choices(other)}; "
             text += "use gymnasium.vector.SyncVectorEnv of single environments"
             raise InputError(Problem("gym.make", "num_envs", text))
-        self._arms = np.array([_arms(task.mech, self.drives[i]) for i in self._motors])
+        motors = [f for f in self.drives if isinstance(f, Motor)]
+        self._arms = np.array([_arms(task.mech, f) for f in motors])
         self.actions = task.actions(self.drives)
         self._space = gymnasium.vector.utils.batch_space(self.actions, size)
 

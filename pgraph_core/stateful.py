@@ -12,7 +12,10 @@ STATE = "state"  # the group of signals that names the states of a part, within 
 
 
 class Quantity(NamedTuple):
-    """The quantity of a state: results show the state times `scale` as the column WORD.NAME."""
+    """The quantity of a state whose usual size is 1.
+
+    Results show the state times `scale` as the column WORD.NAME.
+    """
 
     word: str
     unit: str

@@ -243,3 +243,25 @@ def test_a_step_before_reset_is_refused_if_episodes_end():
         env.step(env.action_space.sample())
     env.reset(seed=1)
     assert [env.step(env.action_space.sample())[3] for _ in range(2)] == [False, True]
+
+
+def test_an_action_excites_muscles_and_feeds_actuators():
+    arm = pg.Body(name="arm", mass=1.0, com=(0, 0, -0.2), inertia=(0.02, 0.02, 0.002), q=(0.5,))
+    places = {"body": "arm", "point": (0, 0, -0.1)}
+    muscle = pg.Muscle("flexor", other_point=(0.05, 0, 0.15), f_max=300, l_opt=0.15, l_slack=0.1,
+                       **places)  # fmt: skip
+    jack = pg.LinearActuator("jack", other_point=(-0.05, 0, 0.15), input_low=-1, input_high=1,
+                             gain=10, **places)  # fmt: skip
+    model = pg.Model(bodies=[arm], forces=[muscle, jack])
+    env = pgraph_core.gym.make(model, dt=0.02)
+    assert env.action_space.low.tolist() == [0, -1]
+    assert env.action_space.high.tolist() == [1, 1]
+    run = pg.simulate(model, t_end=0.2, inputs={"flexor": 0.75, "jack": 0.25}, rtol=1e-10,
+                      method="dop853")  # fmt: skip
+    for _ in range(2):  # an episode begins without the excitation of the last one
+        env.reset(seed=0)
+        for _ in range(10):
+            seen, *_ = env.step(np.array([0.75, 0.25]))
+        assert seen == pytest.approx([run.q[-1, 0], run.v[-1, 0]], rel=1e-5)
+    problem = refusal(lambda: pgraph_core.gym.make(model, num_envs=2))
+    assert_names(str(problem), "num_envs", "flexor", "jack")

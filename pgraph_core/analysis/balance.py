@@ -15,7 +15,6 @@ from ..engine import arrays, motion
 from ..engine.compiler.address import address_of_array, buffer, unnamed
 from ..engine.compiler.jit import ready
 from ..engine.records import CREEP
-from ..engine.signals import values
 from ..engine.tree import slopes as kernels
 from ..errors import InputError, Problem, shown
 from ..fields import GROUND
@@ -170,11 +169,11 @@ class Balance:
         return np.linalg.lstsq(J.T, self.M @ self.vdot + self.pull, rcond=1e-10)[0]
 
     def rates(self, q: Array, v: Array, s: Array) -> Array:
-        """Return the rates (nx,) of states s of controls at t = 0."""
-        code, _, states = self.loads.signals
-        found = code.copy()
-        values(found, 0.0, *whole(q, v, s))
-        return found[2 * states[:, 0] + 1, 0]
+        """Return the rates (nx,) of states s of controls and muscles at t = 0."""
+        state = whole(q, v, s)
+        tau, rates, flow = np.zeros(len(state[1])), np.zeros(len(state[1])), np.zeros(3)
+        motion.acceleration(self.scene.address, 0.0, *state, tau, rates, flow)
+        return rates[self.mech.nv :]
 
     @cached_property
     def unrest(self) -> tuple[Array, Array]:
@@ -416,12 +415,17 @@ def differences_in_v(v: Array, of: Callable[[Array], Array]) -> Array:
 
 
 def _slope(of: Callable[[float], Array], steps: tuple[float, ...]) -> Array:
-    """Differentiate a function at 0, using the step at which orders four and six agree best."""
+    """Differentiate a function at 0, using the step at which orders four and six agree best.
+
+    A step that leaves the domain of the function is used only if all of them do.
+    """
     found: list[tuple[float, Array]] = []
     for h in steps:
         odd = [of(n * h) - of(-n * h) for n in (1, 2, 3)]
         fourth, sixth = FOURTH @ odd / h, SIXTH @ odd / h
-        found.append((float(np.max(np.abs(sixth - fourth), initial=0.0)), sixth))
+        with np.errstate(invalid="ignore"):
+            apart = float(np.max(np.abs(sixth - fourth), initial=0.0))
+        found.append((apart if np.isfinite(apart) else np.inf, sixth))
     return min(found, key=lambda pair: pair[0])[1]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -485,6 +486,25 @@ def load_wrenches(packed: Packed, forces: tuple[Force, ...], t: Array, q: Array,
             state = (t[i], q[i], v[i], external[i])
             motion.load_wrenches(scene.address, *packed.system[2:4], *state)
     return external
+
+
+def force_sizes(packed: Packed, forces: tuple[Force, ...], q: Array, v: Array) -> Array:
+    """Return the sum (nv,) of the sizes of the generalised forces of gravity and of each force at
+    t = 0.
+
+    It is the scale of their rounding errors where they cancel. That of gravity is the weight of all
+    bodies, times the length of the mechanism about hinges. q and v include the states of controls.
+    """
+    weight = sum(b.mass for b in packed.model.bodies) * math.hypot(*packed.model.gravity)
+    found = np.where(packed.slides, weight, weight * packed.length)
+    for f in forces:
+        own = packed.loads(tuple(on_bodies((f,))), named=forces, states=True)
+        scene, tau = Scene(packed, packed.drives((f,)), own, NO_CONSTRAINTS), np.zeros(len(v))
+        motion.drive_torque(scene.address, q, v, tau)
+        found += np.abs(tau[: packed.nv])
+        motion.load_torque(scene.address, q, v, tau)
+        found += np.abs(tau[: packed.nv])
+    return found
 
 
 def path_tensions(

@@ -17,6 +17,7 @@ from ..model import Body, Model
 from ..model.output import OF_CONTACT, OF_JOINT, OF_LOAD, OF_SUBTREE, READINGS, Output
 from ..packing import Array, Ints, System
 from ..packing.packed import Packed
+from ..packing.signals import states_of
 from ..paper import bodies_of, q_slices
 from ..portable import same
 from ..rotation import unit
@@ -98,14 +99,16 @@ def ranges_of_motion(packed: Packed, q: Array) -> tuple[float, float, float]:
     return *most, max(*most, REST * packed.length)
 
 
-def sizes_of_states(x: Array, length: float) -> Array:
-    """Compute the ranges (nx,) of states of controls x (n, nx).
+def sizes_of_states(packed: Packed, x: Array) -> Array:
+    """Compute the sizes (nx,) by which errors of states of controls x (n, nx) are judged.
 
-    A coordinate is considered at rest if its change is within rounding error of its value or of the
-    length of the mechanism, as in `ranges_of_motion`.
+    They are the ranges of the states, or 1 for a quantity whose usual size is 1, such as an
+    activation. A state is considered at rest if its change is within rounding error of its value or
+    of the length of the mechanism, as in `ranges_of_motion`.
     """
-    least = np.maximum(np.abs(x).max(axis=0, initial=0.0), length)
-    return np.maximum(np.ptp(x, axis=0) if len(x) else 0.0, REST * least)
+    least = np.maximum(np.abs(x).max(axis=0, initial=0.0), packed.length)
+    usual = np.array([own.quantity is not None for _, _, own in states_of(packed.model)], float)
+    return np.maximum.reduce((np.ptp(x, axis=0) if len(x) else usual, REST * least, usual))
 
 
 class BodyMotion(NamedTuple):

@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from ..dynamics.scene import force_sizes
 from ..errors import percent
 from ..packing import Array
 from ..tolerances import SOLVED, VISIBLE
+from .bodies import all_forces
 
 VIOLATED = "the energy balance of the run is violated by"  # beginnings of the notices
 DECREASES = "the dissipation decreases by"
@@ -59,13 +61,21 @@ def of_balance(run: Any, given: Sequence[str]) -> Iterator[str]:
         )
     elif drift > VISIBLE and any(UNBOOKED in text for text in given):
         yield f"{VIOLATED} {percent(drift)} of their range, with the impulses named above"
-    elif drift > VISIBLE:
+    elif drift > VISIBLE and scale > SOLVED * _work_of_forces(run):
         fixed = run.header.get("step") is not None
         do = "a smaller step" if fixed else "a smaller rtol, or a step"
         yield (
             f"{VIOLATED} {percent(drift)} of their range: the steps are too large for the power "
             f"of the forces, or skip a force; give {do}"
         )
+
+
+def _work_of_forces(run: Any) -> float:
+    """Return the work of all forces at the start along the length of the mechanism, or along 1 rad
+    [J], as if none of them cancelled another one."""
+    packed, (q, v) = run.mechanism.packed, run._with_states(slice(0, 1))
+    sizes = force_sizes(packed, all_forces(run), q[0], v[0])
+    return float(sizes @ np.where(packed.slides, packed.length, 1.0))
 
 
 def _given_by_contacts(run: Any) -> float:

@@ -300,7 +300,7 @@ class Result(Exports, EqualByFields, Portable):
 
     def _shares_of_states(self) -> Array:
         """Return the errors of states over their ranges, (n, nx)."""
-        return self.state_error_at / sizes_of_states(self.states, self.mechanism.packed.length)
+        return self.state_error_at / sizes_of_states(self.mechanism.packed, self.states)
 
     @property
     def model(self) -> Model:

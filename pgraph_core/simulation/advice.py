@@ -133,6 +133,8 @@ def too_wide(record: Running) -> Iterator[str]:
     """Yield a notice about fixed steps that are too large, for the fastest rate that they met."""
     plan, step = record.plan, float(record.plan.step or 0.0)
     (_, widest, rate, at, _), method = advice(record), plan.method
+    if rate * step <= method.limit:  # the rate of the plan is within 10 %
+        return
     if method.time_stepping:
         yield f"{STIFF} lambda*dt = {rate * step:.3g}; give steps below {widest:.2g} s"
         return

@@ -110,7 +110,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     if touching is not None:  # drift due to the contact solver's velocity residuals [rad, m]
         error[1:, 0] += float(touching.tally["strayed"])
     length, x = plan.length, record.out.v[:n, mech.nv :]
-    ranges = sizes_of_states(x, length) if x.size else ()
+    ranges = sizes_of_states(mech.packed, x) if x.size else ()
     known = off <= PARTED * np.array((1.0, max(length, slid) or 1.0, *ranges))
     if not known.all():
         known[:, 1:] &= known[:, :1] & known[:, 1:2]

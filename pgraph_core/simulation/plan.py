@@ -141,7 +141,8 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Run
     bare = _what_acts(mech, o, given, span, extra, contacts)
     bare = replace(bare, start=start, tau=tau if is_controller(tau) else None)
     acts, length = (bare.drives, bare.loads), span[1] - span[0]
-    rate = Rate(mech, acts, bare.active, start, length)
+    with_states = mech.packed.with_states(span[0], *start, bare.loads.signals)
+    rate = Rate(mech, acts, bare.active, with_states, length)
     plan = _on_a_way(mech, replace(bare, contacts=contacts), rate, o, span)
     if declared is not None and _may_wait(plan, declared, o.method):
         way = Way(**{one.name: getattr(plan, one.name) for one in fields(Way)})

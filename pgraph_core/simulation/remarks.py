@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..dynamics.arguments import UserTorque, positions
+from ..dynamics.scene import force_sizes
 from ..engine import motion
 from ..engine.compiler.jit import made_by_numba
 from ..engine.records import CREEP, RIGID, SOFT
@@ -20,7 +21,7 @@ from ..model.doubts import MOST_ANGLE, in_degrees, several_turns
 from ..packing import Array, Ints, joint_coordinates, row_of_velocity
 from ..packing.forces import acting_on
 from ..packing.signals import limits_of
-from ..tolerances import EPS, NAMED, NOTABLE, SOLVED, VISIBLE
+from ..tolerances import EPS, NAMED, NOTABLE, ROUNDING, SOLVED, VISIBLE
 from .rates import fastest_rate, fastest_swings
 from .remedies import more_accurate
 from .run_plan import RunPlan
@@ -89,7 +90,8 @@ def pulses(record: Running) -> Iterator[str]:
 
     A pulse between the evaluations of a step is passed over by any method. Frames are
     evaluated too. Accelerations below NOTABLE of the largest one of the same unit are errors of a
-    coordinate that does not move, as are those below the rounding of all.
+    coordinate that does not move, as are those below the rounding of all, and of forces that
+    cancel.
     """
     n, plan = record.steps.recorded, record.plan
     if plan.contact_points or plan.changes or n < 6 or record.steps.counters["steps"] >= n:
@@ -110,6 +112,8 @@ def pulses(record: Running) -> Iterator[str]:
     missed = sized & (felt < VISIBLE * acts)
     if missed.any():
         k, j = (int(x[0]) for x in np.nonzero(missed))
+        if acts[k, j] <= ROUNDING * _acceleration_sizes(record, 2 + k)[j]:
+            return
         row = row_of_velocity(record.mech.packed.system.rows, j)
         unit = "m" if slides[j] else "rad"
         what = "a force" if record.user is None else "the torque function"
@@ -119,6 +123,14 @@ def pulses(record: Running) -> Iterator[str]:
             f"{acts[k, j]:.3g} {unit}/s^2 beside the change of its velocity; use a step= shorter "
             "than the pulse"
         )
+
+
+def _acceleration_sizes(record: Running, i: int) -> Array:
+    """Return the scale (nv,) of the rounding errors of accelerations at frame i, for which all
+    forces add up."""
+    packed, q, v = record.mech.packed, record.out.q[i].copy(), record.out.v[i].copy()
+    sizes = force_sizes(packed, record.plan.acting, q, v) + np.abs(record.scene.given[: packed.nv])
+    return np.abs(np.linalg.pinv(record.mech.mass_matrix(q[: packed.nq]))) @ sizes
 
 
 def hits_unseen(record: Running) -> Iterator[str]:

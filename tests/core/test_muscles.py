@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import pgraph_core as pg
 from pgraph_core.muscles import MODELS
@@ -38,6 +39,18 @@ def reach(joint_friction: float = 0.0, **muscle: Any) -> pg.Mechanism:
         **given,
     )  # fmt: skip
     return pg.Mechanism(pg.Model(bodies=[arm, fore], forces=[flexor]))
+
+
+def held(**muscle: Any) -> pg.Model:
+    """A hanging arm with a flexor from above its joint."""
+    given = {"f_max": 300.0, "l_opt": 0.15, "l_slack": 0.1, **muscle}
+    arm = pg.Body(
+        name="arm", axes=[(0, 1, 0)], q=(0.5,), mass=1, com=(0, 0, -0.2), inertia=(0.02, 0.02, 0.01)
+    )  # fmt: skip
+    flexor = pg.Muscle(
+        name="flexor", body="arm", point=(0, 0, -0.1), other_point=(0.05, 0, 0.15), **given
+    )
+    return pg.Model(bodies=[arm], forces=[flexor])
 
 
 def at_once(mech: pg.Mechanism) -> pg.Result:
@@ -419,3 +432,39 @@ def test_muscles_of_mjcf_act_as_in_mujoco(tmp_path, u):
         np.testing.assert_allclose(run.vdot[0], data.qacc, rtol=1e-9)
         rates = (run.states[1] - run.states[0]) / 1e-6
         np.testing.assert_allclose(rates, data.act_dot, rtol=1e-3)
+
+
+@pytest.mark.parametrize("model", ["degroote2016", "millard2012", "mujoco"])
+@pytest.mark.parametrize("excitation", [0.0, 0.02])
+def test_a_muscle_moves_about_its_equilibrium_as_its_linearisation(model, excitation):
+    """That of Thelen has a corner at rest, where lengthening begins."""
+    mech = pg.Mechanism(held(model=model, excitation=excitation))
+    rest = mech.equilibrium()
+    here = mech.linearise(rest.q)
+    assert np.abs(here.drift).max() < 1e-6
+    moved = rest.q + 1e-4
+    one = mech.simulate(t_end=0.3, q=rest.q, method="radau5", rtol=1e-10, frames=4)
+    two = mech.simulate(t_end=0.3, q=moved, method="radau5", rtol=1e-10, frames=4)
+    apart = np.hstack((two.q - one.q, two.v - one.v, two.states - one.states))
+    for t, found in zip(two.t, apart):
+        wanted = expm(here.A * t) @ apart[0]
+        assert found == pytest.approx(wanted, abs=3e-3 * np.abs(apart[:, :2]).max())
+
+
+@pytest.mark.parametrize("model", ELASTIC)
+@pytest.mark.parametrize("excitation", [0.0, 0.3, 1.0])
+def test_a_muscle_that_is_held_is_known_to_stay(model, excitation):
+    """Its states, which do not change, are judged by their usual size."""
+    mech = on_slider(0.24, model=model, excitation=excitation)
+    fixed = pg.Motion(name="hold", body="block", q_of_t="=0.24")
+    run = pg.simulate(mech.model.add(fixed), t_end=1.0)
+    assert not run.notices
+    assert np.ptp(run["fibre.m"]) < 1e-5 * 0.1
+
+
+def test_fixed_steps_are_judged_by_the_excitation_of_the_call():
+    """At a low activation the fibre is ten times as fast as the steps allow."""
+    model = held(excitation=0.0)
+    assert any("stiff" in text for text in pg.simulate(model, t_end=0.1, method="rk4").notices)
+    run = pg.simulate(model, t_end=0.1, method="rk4", inputs={"flexor": 0.75})
+    assert not run.notices
