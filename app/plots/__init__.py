@@ -13,9 +13,10 @@ import pgraph_core as pg
 from pgraph_core import joints
 from pgraph_core.errors import counted
 from pgraph_core.model.output import OF_JOINT
-from pgraph_core.packing.signals import known_forces
+from pgraph_core.packing.signals import known_forces, states_of
 from pgraph_core.pulleys import without_segment
 from pgraph_core.result.bodies import all_forces, units_of_drives
+from pgraph_core.result.columns import columns_of_states
 from pgraph_core.result.records import FREE
 from pgraph_core.show.notebook import between, pictures
 from pgraph_core.show.shapes import to_matrix
@@ -31,6 +32,7 @@ POINTS = 1200  # pairs of extremes a curve: more than a screen has columns
 XYZ = ("x", "y", "z")
 SCENE = ""  # the body of what belongs to none
 MANY = "\n"  # between the names of several bodies, of which one component is plotted
+VALUE = "x"  # the word before the name of a control in columns
 POSES, STRIP = "poses", 6  # pictures of the run, evenly over it
 
 
@@ -126,6 +128,11 @@ def reading(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
     return found.reading.parts, run.outputs[name].reshape(len(run.t), -1)
 
 
+def state_of(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
+    """Return a value or state of a control or muscle, such as "x.speed" or "activation.biceps"."""
+    return ("",), columns_of_states(run)[name].values[:, None]
+
+
 def energies(run: pg.Result, _: str) -> tuple[Sequence[str], np.ndarray]:
     """Return the energy balance: kinetic, potential, total, work and dissipated energy."""
     columns = (run.kinetic_energy, run.potential_energy, run.energy, run.work, run.dissipation)
@@ -163,6 +170,7 @@ KINDS = {
     "contact_gap": Kind("gap of", "m", single("contact_gap")),
     "contact_slip": Kind("slip of", "m/s", single("contact_slip")),
     "output": Kind("reading of", "of its kind", reading),
+    "state": Kind("", "of its kind", state_of),
 }  # fmt: skip
 OF_BODIES = (
     "q", "v", "vdot", "position", "velocity", "spin", "acceleration", "angular_acceleration",
@@ -250,6 +258,7 @@ def of_scene(run: pg.Result) -> list[Signal]:
     found += [Signal("limit", name) for name in run.contacts.limit]
     for name in run.contact_force:
         found += [Signal(kind, name) for kind in ("contact_force", "contact_gap", "contact_slip")]
+    found += [Signal("state", name) for name in columns_of_states(run)]
     return [*found, *(Signal("output", output.name) for output in run.mechanism.model.outputs)]
 
 
@@ -271,6 +280,8 @@ def title(signal: Signal) -> str:
     label = KINDS[signal.quantity].label
     if signal.of == SCENE:
         return label
+    if signal.quantity == "state":
+        return _title_of_states(signal.bodies)
     whole = {without_segment(name, ())[0] for name in signal.bodies}
     if signal.quantity in OF_PATHS and len(signal.bodies) > 1 == len(whole):
         return f"{label} {whole.pop()}"  # all segments of a cable
@@ -281,6 +292,17 @@ def title(signal: Signal) -> str:
         noun = NOUNS.get(signal.quantity, ("body", "bodies"))
         return f"{label} of {counted(len(signal.bodies), *noun)}"
     return f"{label} {signal.of}" if label.endswith(" of") else f"{label} of {signal.of}"
+
+
+def _title_of_states(names: Sequence[str]) -> str:
+    """Return a title such as 'activation of biceps', 'control speed' or 'state 2 of speed'."""
+    word, _, of = names[0].partition(".")
+    if len(names) > 1:
+        return f"{word} of {counted(len(names), 'muscle')}"
+    if word != VALUE:
+        return f"{word} of {of}"
+    name, _, k = of.rpartition(".")
+    return f"state {k} of {name}" if name and k.isdigit() else f"control {of}"
 
 
 def units(model: pg.Model, signal: Signal, name: str) -> list[str]:
@@ -296,6 +318,9 @@ def units(model: pg.Model, signal: Signal, name: str) -> list[str]:
         motions = model.body(output.at).sequence
         found = [unit for motion in motions for unit in joints.units_of(motion)[1]]
         return [found[output.coordinate] + "/s" * (output.kind == "joint_velocity")]
+    if what == "state":
+        quantities = [own.quantity for _, _, own in states_of(model) if own.quantity is not None]
+        return [{q.word: q.unit for q in quantities}.get(name.partition(".")[0], "1")]
     if what == "drive_force":
         known = units_of_drives(model, known_forces(model))
         return known.get(name, KINDS[what].unit).split(", ")

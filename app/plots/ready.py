@@ -33,11 +33,16 @@ def ready(run: pg.Result, selected: Sequence[str]) -> list[Ready]:
     parts = (*model.constraints, *model.contacts, *model.forces)
     meant = {part.name for part in parts if not selected or {"*", *names} & {*part.touches}}
     strung = {part.name for part in parts if isinstance(part, pg.Cable | pg.Rope)}
+    muscles = [f.name for f in model.forces if isinstance(f, pg.Muscle) and f.name in meant]
     turning = of_bodies(run, "angular_acceleration", names)
     found = (
         Ready("Positions", of_bodies(run, "q", moving)),
         Ready("Velocities", of_bodies(run, "v", moving)),
         Ready("Accelerations", turning or of_bodies(run, "acceleration", names)),
+        Ready("Muscles", [
+            *together("state", [f"activation.{name}" for name in muscles]),
+            *together("tension", muscles),
+        ]),
         Ready("Drives", of_parts(run, "drive_force", meant & run.drive_force.keys())),
         Ready("Forces", [
             *of_parts(run, "constraint_force", (meant - strung) & run.constraint_force.keys()),

@@ -10,7 +10,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.fields import Number
-from pgraph_core.model.settings import AUTO, OF, STEP, Settings, settings_of
+from pgraph_core.model.settings import AUTO, OF, Settings, settings_of
 from pgraph_core.numbering import children_of
 from pgraph_core.show import shapes
 from pgraph_core.show.bodies import Look, extent, looks
@@ -28,7 +28,7 @@ class Request(Settings):
 
     scenario: str = FREE_RUN
     t_end: Annotated[Number, OF["t_end"]] = 2.0
-    step: Annotated[Number | None, OF["step"]] = STEP  # None if the method chooses it
+    step: Annotated[Number | None, OF["step"]] = None  # the method chooses it
     method: Annotated[str, OF["method"]] = AUTO
 
     @classmethod

@@ -52,8 +52,9 @@ def curves(shape: Mapping[str, float]) -> Curves:
     def velocity(_: int, x: Array) -> Array:
         return d1 * np.arcsinh(d2 * x + d3) + d4
 
-    def tendon(_: int, x: Array) -> Array:
-        return c * np.expm1(stiffness * (x - 1.0))
+    def tendon(piece: int, x: Array) -> Array:
+        """Return eq. (S1), which is negative below the slack length, where no tendon pushes."""
+        return c * np.expm1(stiffness * (x - 1.0)) if piece else 0.0 * x
 
     return Curves(
         Smooth((shortest, 0.5, 1.0, 1.5, 2.5), active, parts=24),

@@ -71,11 +71,11 @@ def columns_of(run: Any, bodies: bool = False) -> dict[str, Column]:
             name = ".".join(filter(None, (o.name, part)))
             taken = name in found or name in forces
             found[f"outputs.{name}" if taken else name] = Column(o.reading.unit, x)
-    found |= forces | _controls(run)
+    found |= forces | columns_of_states(run)
     return found | (_bodies(run) if bodies else {})
 
 
-def _controls(run: Any) -> dict[str, Column]:
+def columns_of_states(run: Any) -> dict[str, Column]:
     """Return the values of controls and their states, numbered from 1.
 
     A state with a quantity has its name instead, as `activation.NAME` of a muscle.

@@ -116,6 +116,9 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
         known[:, 1:] &= known[:, :1] & known[:, 1:2]
         error[~np.logical_and.accumulate(known[:, 1:])] = np.inf
     forces[~np.isfinite(error[:, 0])] = np.inf
+    if record.plan.tolerance is not None:  # an error within the tolerance is what was asked for
+        turns = not mech.packed.slides.all()
+        size = max(size, record.plan.tolerance.rtol * max(length, float(turns)) / VISIBLE)
     sizes = np.array((size, *ranges))
     # what is rounding no step and no tolerance makes smaller
     sizes = np.maximum(sizes, ROUNDING / (EPS * VISIBLE) * rounding[-1])

@@ -109,6 +109,9 @@ def pulses(record: Running) -> Iterator[str]:
     rounding = EPS * float((largest * arm).max(initial=0.0))
     sized = acts > np.maximum(NAMED * largest, NOTABLE * whole)
     sized &= acts * arm > rounding
+    if plan.tolerance is not None:  # a pulse between two neighbours of a frame, until the end
+        moved = acts * arm * (t[3:-1] - t[1:-3]) * (t[-1] - t[2:-2])
+        sized &= moved > plan.tolerance.rtol * record.mech.packed.length
     missed = sized & (felt < VISIBLE * acts)
     if missed.any():
         k, j = (int(x[0]) for x in np.nonzero(missed))

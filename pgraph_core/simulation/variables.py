@@ -19,7 +19,7 @@ from ..engine.arrays import DESCRIBED, SCENE_OF_DUALS
 from ..engine.compiler.kinds import F1, carrying, group
 from ..engine.signals import JUMPING, SAMPLE
 from ..errors import InputError, ModelError, PgraphError, Problem, shown
-from ..forces import OnJoint
+from ..forces import Driven, OnJoint
 from ..mechanism import Mechanism
 from ..packing import Array
 from ..packing.forces import times_at_bounds
@@ -158,9 +158,11 @@ def _coordinate(given: Given, kind: str, name: str, call: str) -> Variable:
 def _input(given: Given, name: str, call: str) -> Variable:
     options = given.options
     inputs = dict(options.inputs)
-    present = inputs.get(name)
+    driven = [f for f in given.mech.model.forces if isinstance(f, Driven)]
+    own = {f.name: getattr(f, f.INPUT) for f in driven}
+    present = inputs.get(name, own.get(name))
     if not isinstance(present, (int, float)):
-        text = f"is not a number given in the call; give inputs={{{name!r}: 0.0}} to simulate"
+        text = f"is no number in the model or the call; give inputs={{{name!r}: 0.0}} to simulate"
         raise InputError(Problem(call, f"inputs.{name}", text))
 
     def made(x: float) -> tuple[Mechanism, RunPlan]:

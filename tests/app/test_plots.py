@@ -21,6 +21,7 @@ from pgraph_core.show.shapes import to_matrix
 from pgraph_core.study import figures
 
 from ..core.test_cables import atwood
+from ..core.test_muscles import held
 from .store import ME, OTHER, after, begun, built_in, do, ran, reply
 
 pytestmark = pytest.mark.quick
@@ -399,3 +400,19 @@ def test_contacts_that_never_touched_are_listed_apart():
 @pytest.fixture(scope="module")
 def quadruped():
     return built_in("quadruped")
+
+
+def test_states_of_muscles_and_controls_are_plotted():
+    speed = pg.Filter("speed", input="=v.arm", lag=0.1)
+    run = pg.simulate(held(excitation=0.3).add(speed), t_end=0.1)
+    found = {s.of: s for s in data.of_scene(run) if s.kind == "state"}
+    assert list(found) == ["activation.flexor", "fibre.flexor", "x.speed"]
+    titles = ["activation of flexor", "fibre of flexor", "control speed"]
+    assert [data.title(s) for s in found.values()] == titles
+    for name, unit in (("activation.flexor", "1"), ("fibre.flexor", "m"), ("x.speed", "1")):
+        (curve,) = data.curves(run, found[name])
+        assert (curve.y[-1], curve.unit) == (run[name][-1], unit)
+    of_muscles = next(one for one in ready(run, []) if one.label == "Muscles")
+    assert [s.of for s in of_muscles.signals] == ["activation.flexor", "flexor"]
+    both = data.Signal("state", data.MANY.join(("activation.flexor", "activation.flexor")))
+    assert data.title(both) == "activation of 2 muscles"

@@ -180,7 +180,7 @@ def test_the_end_loops_or_stops_and_scrubbing_stays_within_the_run(ran):
 
 def test_settings_and_scenarios(state):
     state = after(state, do.SetRun(ME, 1, "t_end", "0.5"), do.SetRun(ME, 2, "method", "rk4"))
-    assert state.request == Request(t_end=0.5, step=1e-3, method="rk4")
+    assert state.request == Request(t_end=0.5, method="rk4")
     state = after(state, do.SetRun(ME, 1, "step", " "), do.SetRun(ME, 2, "rtol", "1e-9"))
     assert (state.request.step, state.request.rtol) == (None, 1e-9)
     assert after(state, do.SetScenario(ME, 1, "no such")).request == state.request
@@ -190,10 +190,10 @@ def test_settings_and_scenarios(state):
 @pytest.mark.parametrize(
     ("settings", "step", "rtol", "acts"),
     [
-        ({"method": "rk4"}, 1e-3, None, (True, False)),  # a step, and no tolerance
+        ({"method": "rk4"}, None, None, (True, False)),  # the usual step, and no tolerance
         ({"method": "radau5"}, None, None, (True, True)),  # chosen by the error
         ({"method": "dopri5", "rtol": "1e-7", "step": ""}, None, 1e-7, (True, True)),
-        ({"rtol": "1e-7"}, 1e-3, 1e-7, (True, True)),  # automatic takes either
+        ({"rtol": "1e-7"}, None, 1e-7, (True, True)),  # automatic takes either
     ],
 )
 def test_a_method_is_asked_for_what_it_takes(state, settings, step, rtol, acts):

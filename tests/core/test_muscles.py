@@ -468,3 +468,20 @@ def test_fixed_steps_are_judged_by_the_excitation_of_the_call():
     assert any("stiff" in text for text in pg.simulate(model, t_end=0.1, method="rk4").notices)
     run = pg.simulate(model, t_end=0.1, method="rk4", inputs={"flexor": 0.75})
     assert not run.notices
+
+
+def test_an_arm_at_rest_tells_of_no_error():
+    """What it moves is less than the tolerance, and most of that is error."""
+    model = held(excitation=0.02, tendon="rigid")
+    rest = pg.Mechanism(model).equilibrium().q
+    run = pg.simulate(model, q=rest, t_end=5.0)
+    assert np.ptp(run.q) < 1e-7
+    assert not run.notices
+
+
+def test_the_excitation_of_the_model_is_an_input_to_differentiate_by():
+    model, tight = held(excitation=0.08), {"t_end": 0.3, "method": "dop853", "rtol": 1e-11}
+    found = pg.simulate(model, wrt=["inputs.flexor"], **tight).sensitivity("inputs.flexor")[-1]
+    one, two = (pg.simulate(model, inputs={"flexor": 0.08 + h}, **tight) for h in (1e-4, -1e-4))
+    wanted = [(a[-1, 0] - b[-1, 0]) / 2e-4 for a, b in ((one.q, two.q), (one.v, two.v))]
+    assert found == pytest.approx(wanted, rel=1e-5)
