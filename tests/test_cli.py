@@ -412,7 +412,8 @@ def test_arms_are_minus_the_slopes_of_the_lengths_in_their_table(capsys, tmp_pat
            for n, p in (("upper", "ground"), ("lower", "upper"))]  # fmt: skip
     springs = [pg.Spring(name=n, body="lower", point=(0.5, y, 0), stiffness=1) for n, y in
                (("one", 0.1), ("two", -0.2))]  # fmt: skip
-    pg.Model(bodies=arm, forces=springs).save(tmp_path / "arm.json")
+    elbow = pg.Output(name="elbow", kind="joint_position", at="lower")
+    pg.Model(bodies=arm, forces=springs, outputs=[elbow]).save(tmp_path / "arm.json")
     given = "arms", str(tmp_path / "arm.json"), "--over", "lower"
     found = answered(capsys, *given, "--points", "201")
     assert list(found) == ["lower", "length.one", "length.two", "arm.one", "arm.two"]
@@ -421,6 +422,8 @@ def test_arms_are_minus_the_slopes_of_the_lengths_in_their_table(capsys, tmp_pat
     for name in ("one", "two"):
         slope = np.gradient(found[f"length.{name}"], q)[1:-1]
         np.testing.assert_allclose(found[f"arm.{name}"][1:-1], -slope, atol=1e-4)
+    of_output = answered(capsys, *given[:3], "elbow", "--points", "201")
+    assert [*of_output.values()] == [*found.values()]
     table = tmp_path / "arms.csv"
     answered(capsys, *given, "--range=0,0.5", "--points", "3", "-o", str(table))
     rows = np.loadtxt(table, delimiter=",", skiprows=1)

@@ -53,7 +53,11 @@ def arms(args: Namespace) -> Answer:
 
 
 def _coordinate(mech: pg.Mechanism, given: str) -> tuple[str, int]:
-    """Return the body and the number of a coordinate that one speed changes. Raises InputError."""
+    """Return the body and the number of a coordinate that one speed changes, given its joint or an
+    output of its position. Raises InputError."""
+    for output in mech.model.outputs:
+        if output.kind == "joint_position" and output.name == given:
+            return output.at, output.coordinate
     name, _, k = (given, "", "") if given in mech.joints else given.rpartition(".")
     single = {n: len(range(mech.nv)[j.v]) for n, j in mech.joints.items() if _plain(mech, n)}
     if name not in single:
