@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +15,7 @@ from pgraph_core.rotation import matrix, unit_vector
 from pgraph_core.shapes import kind_of
 
 from ..core.cells import Display, Refusal, content, replaced
-from ..core.state import derive
+from ..core.state import derive, of_model
 from .curves import plain
 from .gains import GROUND
 
@@ -40,7 +39,7 @@ def leads(kind: str) -> bool:
     return known is not None and "through" in known.model_fields
 
 
-@lru_cache(maxsize=4)
+@of_model
 def faults(model: pg.Model) -> Mapping[str, str]:
     """Return the reason why a cable or rope cannot lie on its wheels, by its name."""
     return faults_of(pg.Mechanism(model).packed)

@@ -8,9 +8,9 @@ defined there as well, in methods that call the methods of their base classes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import lru_cache, wraps
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -255,22 +255,33 @@ class Derived:
         return self.size / max(1.0, len(self.names) / 16)
 
 
-_recent: tuple[tuple[pg.Model, Derived], ...] = ()  # newest first
+F = TypeVar("F")
 
 
+def of_model(find: Callable[[pg.Model], F]) -> Callable[[pg.Model], F]:
+    """Keep what a function finds about a model while the model is in use.
+
+    Models are compared by identity: the hash of a large one takes longer than a picture.
+    """
+    recent: tuple[tuple[pg.Model, F], ...] = ()  # newest first
+
+    @wraps(find)
+    def known(model: pg.Model) -> F:
+        nonlocal recent
+        for one, found in recent:
+            if one is model:
+                return found
+        found = find(model)
+        recent = ((model, found), *recent)[:KEPT]
+        return found
+
+    return known
+
+
+@of_model
 def derive(model: pg.Model) -> Derived:
-    """Return the data derived from a model, cached while the model is in use."""
-    global _recent
-    for known, derived in _recent:
-        if known is model:
-            return derived
-    derived = _derived(model)
-    _recent = ((model, derived), *_recent)[:KEPT]
-    return derived
-
-
-def _derived(model: pg.Model) -> Derived:
-    """Compute the topology, layout, home poses, colours and constraint column of a model."""
+    """Return the data derived from a model: its topology, layout, home poses, colours and
+    constraint column."""
     top = pg.Topology.of(model)
     names, parent = tuple(top.names), tuple(top.parent.tolist())
     bodies = [model.body(name) for name in names]

@@ -20,7 +20,7 @@ from ..core.rows import refuse_moved
 from ..core.state import Notice, told, with_client
 from ..pose import poses
 from ..properties.body_cells import edit_of
-from ..scene import View
+from ..scene import View, marks
 from ..signals import clicked as signal_of
 from . import GROUND, Aim, Spot, State
 from .spots import Ray, spot
@@ -108,13 +108,15 @@ class AskBody(Pointed):
 
 
 class ClickView(Pointed):
-    """A click in the view. If it hits no body, the selection is cleared."""
+    """A click in the view. If it hits neither a body nor a connection, the selection is cleared."""
 
     def applied(self, state: State) -> State:
         page, found = state.clients.get(self.client), spot_of(state, self)
         if page is not None and is_way(page.picking):
             return _led_to(state, self)
         if page is None or page.picking is not None or (found and found.body != GROUND):
+            return state
+        if joined_at(state, self):
             return state
         return selected(state, self.client, None, ())
 
@@ -145,6 +147,8 @@ class FrameSpot(Pointed):
         if page is None or page.aim is not None or page.picking is not None:
             return state
         name = None if found is None or found.body == GROUND else found.body
+        if name is None and joined_at(state, self):
+            return state
         chosen = selected(state, self.client, name, () if name is None else (name,))
         return with_client(chosen, self.client, asked=View(self.client, "fit"))
 
@@ -157,6 +161,18 @@ def spot_of(state: State, event: Pointed, aim: Aim | None = None) -> Spot | None
         return None
     ray = Ray(np.asarray(event.origin), direction / length, event.slack)
     return spot(state, ray, aim is not None and aim.wants == "point")
+
+
+def joined_at(state: State, event: Pointed) -> bool:
+    """Check whether a ray hits a spring, rod or other connection, which opens itself."""
+    direction = np.asarray(event.direction)
+    length = float(np.linalg.norm(direction))
+    if "joining" not in state.shown or not 1e-9 < length < 1e9:
+        return False
+    positions, wxyz = poses(state)
+    joined = marks.joinings(state, positions, shapes.to_matrix(np.asarray(wxyz)))
+    origin = np.asarray(event.origin)
+    return any(joined[kind].hit(origin, direction / length) for kind in marks.OPENS)
 
 
 def taken(state: State, client: int, aim: Aim, found: Spot) -> State:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from .. import pose
+from .. import constraints, pose
 from ..core.events import Event, FromPage, Request
 from ..core.state import Notice, told, with_client
 
@@ -16,13 +16,13 @@ SHOWN_AT_FIRST = frozenset({"shapes", "joining", "tracks", "sites", "branches", 
 
 
 @dataclass(frozen=True)
-class Client(pose.Client):
+class Client(constraints.Client, pose.Client):
     turned: bool = False  # whether a person moved its camera since it was set
     follow: bool = True  # whether its camera goes along with what travels
 
 
 @dataclass(frozen=True)
-class State(pose.State):
+class State(constraints.State, pose.State):
     clients: Mapping[int, Client] = field(default_factory=dict)
     shown: frozenset[str] = SHOWN_AT_FIRST
 

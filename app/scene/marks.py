@@ -6,7 +6,6 @@ import itertools
 import math
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,12 +17,13 @@ from pgraph_core.packing.cable_lines import Lying, cable_lines, cables_of
 from pgraph_core.packing.signals import states_of
 from pgraph_core.result.bodies import body_poses
 from pgraph_core.result.cams import cam_record
-from pgraph_core.rotation import frame_of, unit_vector
+from pgraph_core.rotation import unit_vector
 from pgraph_core.show import bodies, shapes
 from pgraph_core.show.bodies import Look
 from pgraph_core.show.stage import GRID
 
 from ..constraints.cables import bare
+from ..core.state import of_model
 from . import State
 
 Local = dict[int, np.ndarray]  # number of a body (0: the ground) -> points in its frame [m]
@@ -34,6 +34,7 @@ RIM = 0.25  # width of a wheel without a shape over its radius
 TURNING = ("revolute", "universal", "ball", "point")  # constraints that fix a point
 BRACKET = 0.15  # size of a pivot's bracket on the ground, relative to the body
 AT_REST, ACTIVE = np.array((120, 95, 100)), np.array((215, 40, 35))  # colours of muscles
+COIL, ROD, MUSCLE = 0.07, 0.025, 0.02  # widths of springs, rods and weak muscles, of the grain
 BEAD = 0.06  # diameter of the mark of a via point, of the grain
 THIN = 1e-3  # least thickness of a flat ellipsoid, relative to its largest semi-axis
 
@@ -243,6 +244,19 @@ def placed(solids: Placed, positions: np.ndarray, wxyz: np.ndarray) -> tuple[np.
 # -- what joins bodies -------------------------------------------------------------------------
 
 
+OPENS = ("springs", "rods", "muscles", "beads", "pivots")  # marks that open what they show
+Part = tuple[str, str]  # "bodies", "forces" or "constraints", and a name
+
+
+class Span(NamedTuple):
+    """A mark from one point to another."""
+
+    begin: np.ndarray  # (3,) world [m]
+    end: np.ndarray  # (3,)
+    wide: float  # its width [m]
+    of: Part | None = None  # the part that it shows, None for those of scenarios and of several
+
+
 class Joining(NamedTuple):
     """Springs and rods between two points, as unit solids along z from one point to the other."""
 
@@ -250,7 +264,32 @@ class Joining(NamedTuple):
     at: np.ndarray  # (n, 3) their middles, world [m]
     wxyz: np.ndarray  # (n, 4)
     size: np.ndarray  # (n, 3) [m]
+    of: tuple[Part | None, ...] = ()  # (n,) the part that each shows
     colors: np.ndarray | None = None  # (n, 3) from 0 to 255, if they differ
+
+    def only(self, part: Part | None) -> Joining:
+        """Return the marks that show one part."""
+        its = np.array([part is not None and one == part for one in self.of], bool)
+        ends, at, wxyz, size = (x[its] for x in self[:4])
+        colors = None if self.colors is None else self.colors[its]
+        return Joining(ends, at, wxyz, size, (part,) * len(at), colors)
+
+    def names(self) -> list[tuple[str, str, int]]:
+        """Return (list of the model, name, number of marks) of the parts in their order."""
+        runs = itertools.groupby(part or ("", "") for part in self.of)
+        return [(of, name, len(list(its))) for (of, name), its in runs]
+
+    def hit(self, origin: np.ndarray, direction: np.ndarray) -> bool:
+        """Check whether a ray from a point in a unit direction hits one of them."""
+        a, way = self.ends[:, 0] - origin, self.ends[:, 1] - self.ends[:, 0]
+        ahead, along = a @ direction, way @ direction  # of the point nearest to the ray of a line
+        square = (way**2).sum(axis=1) - along**2
+        s = np.divide(ahead * along - (a * way).sum(axis=1), square, where=square > 0.0,
+                      out=np.zeros(len(a)))  # fmt: skip
+        near = a + np.clip(s, 0.0, 1.0)[:, None] * way
+        far = near @ direction
+        gap = np.linalg.norm(near - far[:, None] * direction, axis=1)
+        return bool(np.any((gap <= 0.5 * self.size[:, 0]) & (far > 0.0)))
 
 
 def activations(state: State) -> dict[str, float]:
@@ -279,68 +318,68 @@ def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> dict[str, Jo
     via points of paths, and their obstacles: balls, and drums half as long as they are wide. Wheels
     of cables that no shape shows are flat drums.
     """
-    model, number = state.model, {GROUND: 0, **state.derived.number}
-    coils, threads = [], []
-    muscles: list[tuple[Any, float, float]] = []  # the ends of a span, f_max, activation
-    excited = activations(state)
-    vias: dict[tuple[Any, ...], pg.Via] = {}
+    model, number, grain = state.model, {GROUND: 0, **state.derived.number}, state.derived.grain
+    found: dict[str, list[Span]] = {
+        kind: [] for kind in ("springs", "rods", "muscles", "beads", "balls", "drums")
+    }
+    excited, active = activations(state), list[float]()
+    strongest = max((f.f_max for f in forces_of(state) if isinstance(f, pg.Muscle)), default=1.0)
+    vias: dict[tuple[Any, ...], tuple[pg.Via, Part | None]] = {}
     wheels: dict[tuple[Any, ...], np.ndarray] = {}  # (body, centre, radius): axis
     at, turn = _places(number, positions, R)
+
+    def lead(kind: str, line: Any, wide: float, of: Part | None) -> int:
+        spans = [Span(a, b, wide, of) for a, b in itertools.pairwise(line)]
+        found[kind] += spans
+        return len(spans)
+
+    own = {id(f) for f in model.forces}
     for f in forces_of(state):
-        if isinstance(f, BetweenPoints) and all(name in number for name in (*f.pair, *f.touches)):
-            for line, bent in lines_of(f, model.body(f.body), at, turn):
-                spans = itertools.pairwise(line)
-                if isinstance(f, pg.Muscle):
-                    muscles += [(ends, f.f_max, excited.get(f.name, 0.0)) for ends in spans]
-                else:
-                    (threads if bent else coils).extend(spans)
-            vias |= {(via.body, via.point, via.radius, via.axis): via for via in f.via}
+        if not isinstance(f, BetweenPoints) or any(n not in number for n in (*f.pair, *f.touches)):
+            continue
+        of = ("forces", f.name) if id(f) in own else None
+        for line, bent in lines_of(f, model.body(f.body), at, turn):
+            if isinstance(f, pg.Muscle):
+                wide = MUSCLE * grain * (1.0 + 2.0 * math.sqrt(f.f_max / strongest))
+                active += lead("muscles", line, wide, of) * [excited.get(f.name, 0.0)]
+            elif bent:
+                lead("rods", line, ROD * grain, of)
+            else:
+                lead("springs", line, COIL * grain, of)
+        for via in f.via:
+            key = via.body, via.point, via.radius, via.axis
+            vias[key] = via, of if vias.get(key, (via, of))[1] == of else None
+    for c in model.constraints:
+        if isinstance(c, pg.Distance) and c.active:
+            ends = at(c.body, model.point_of(c)), at(c.other, c.other_point)
+            lead("rods", ends, ROD * grain, ("constraints", c.name))
     for cable in _cables(model):
+        of = ("forces" if isinstance(cable.part, pg.Force) else "constraints", cable.part.name)
         for line in cable_lines(cable, at, turn):
-            threads.extend(itertools.pairwise(line))
+            lead("rods", line, ROD * grain, of)
         for wheel, axis in bare(model, cable.part.through):
             wheels[wheel.body, wheel.point, wheel.radius] = turn(wheel.body) @ axis
-    rods = [
-        (at(c.body, model.point_of(c)), at(c.other, c.other_point))
-        for c in model.constraints
-        if isinstance(c, pg.Distance) and c.active
-    ]
-    grain = state.derived.grain
-    beads, balls, drums = [], [], []
-    for via in vias.values():
+    for via, of in vias.values():
         centre, half = at(via.body, via.point), via.radius or 0.5 * BEAD * grain
         if via.axis is not None:
             half = 0.5 * half * turn(via.body) @ unit_vector(via.axis)
-            drums.append((centre - half, centre + half, 2 * (via.radius or 0.0)))
+            found["drums"].append(Span(centre - half, centre + half, 2 * (via.radius or 0.0)))
         else:
             up = np.array([0.0, 0.0, half])
-            (balls if via.radius else beads).append((centre - up, centre + up, 2 * half))
+            kind = "balls" if via.radius else "beads"
+            found[kind].append(Span(centre - up, centre + up, 2 * half, of))
     for (name, point, radius), axis in wheels.items():
         centre, half = at(name, point), 0.5 * RIM * radius * axis
-        drums.append((centre - half, centre + half, 2 * radius))
-    return {
-        "springs": _between(coils, 0.07 * grain),
-        "rods": _between([*rods, *threads], 0.025 * grain),
-        "muscles": _muscles(muscles, grain),
-        "pivots": pivots(state),
-    } | {
-        kind: _between([ends for *ends, _ in found], [wide for *_, wide in found])
-        for kind, found in (("beads", beads), ("balls", balls), ("drums", drums))
-    }
-
-
-def _muscles(spans: Sequence[tuple[Any, float, float]], grain: float) -> Joining:
-    """Return the spans of muscles: the stronger the thicker, the more active the redder."""
-    if not spans:
-        return _between([], 0.0)
-    ends, force, active = zip(*spans)
-    share = np.sqrt(np.array(force) / max(force))
+        found["drums"].append(Span(centre - half, centre + half, 2 * radius))
+    drawn = {kind: _between(spans) for kind, spans in found.items()}
     a = np.clip(np.array(active), 0.0, 1.0)[:, None]
-    colors = ((1.0 - a) * AT_REST + a * ACTIVE).round()
-    return _between(ends, list(0.02 * grain * (1.0 + 2.0 * share)))._replace(colors=colors)
+    drawn["muscles"] = drawn["muscles"]._replace(
+        colors=((1.0 - a) * AT_REST + a * ACTIVE).round() if active else None
+    )
+    return drawn | {"pivots": pivots(state)}
 
 
-@lru_cache(maxsize=4)
+@of_model
 def _cables(model: pg.Model) -> tuple[Lying, ...]:
     return cables_of(pg.Mechanism(model).packed)
 
@@ -366,7 +405,7 @@ def pivots(state: State) -> Joining:
     """Create a bracket along the axis of each ground pivot, opposite to the body."""
     d, model = state.derived, state.model
     up, R = np.array(GRID[model.up][1]), shapes.to_matrix(d.wxyz)
-    ends, turns = [], []
+    ends, turns, of = [], [], list[Part | None]()
     for pivot in _pivots(model):
         body = pivot if isinstance(pivot, pg.Body) else model.body(pivot.pair[0])
         k = d.number[body.name] - 1
@@ -382,21 +421,31 @@ def pivots(state: State) -> Joining:
         y = y / np.linalg.norm(y)
         ends.append((at - BRACKET * d.grain * z, at))
         turns.append(np.column_stack((np.cross(y, z), y, z)))
+        of.append(("bodies" if body is pivot else "constraints", pivot.name))
     between, size = np.reshape(ends, (-1, 2, 3)), BRACKET * d.grain
     wxyz = shapes.to_wxyz(np.reshape(turns, (-1, 3, 3)))
-    return Joining(between, between.mean(axis=1), wxyz, np.full((len(ends), 3), size))
+    return Joining(between, between.mean(axis=1), wxyz, np.full((len(ends), 3), size), tuple(of))
 
 
-def _between(spans: Sequence[Sequence[np.ndarray]], wide: float | Sequence[float]) -> Joining:
-    """Return marks of one width, or of one each, along spans from point to point [m]."""
-    between = np.array(spans).reshape(-1, 2, 3)
+def _between(spans: Sequence[Span]) -> Joining:
+    """Return solids along spans."""
+    between = np.array([(one.begin, one.end) for one in spans]).reshape(-1, 2, 3)
     a, b = between.transpose(1, 0, 2)
     length = np.maximum(np.linalg.norm(b - a, axis=1), 1e-9)
-    turns = [frame_of(way) if long > 1e-9 else np.eye(3)
-             for way, long in zip((b - a) / length[:, None], length)]  # fmt: skip
-    width = np.broadcast_to(wide, len(a))
+    width = np.array([one.wide for one in spans])
     size = np.stack((width, width, length), axis=1)
-    return Joining(between, (a + b) / 2, shapes.to_wxyz(np.array(turns).reshape(-1, 3, 3)), size)
+    turned, of = _turned((b - a) / length[:, None]), tuple(one.of for one in spans)
+    return Joining(between, (a + b) / 2, turned, size, of)
+
+
+def _turned(ways: np.ndarray) -> np.ndarray:
+    """Return the shortest rotations (n, 4) of z to unit vectors (n, 3), and none to zero."""
+    x, y, z = ways.T
+    w = np.where(z > 0.0, 1.0 + z, (x * x + y * y) / np.maximum(1.0 - z, 1.0))
+    q = np.stack((w, -y, x, np.zeros_like(w)), axis=1)
+    q[~ways.any(axis=1), 0] = 1.0
+    q[~q.any(axis=1), 1] = 1.0  # to -z
+    return q / np.linalg.norm(q, axis=1)[:, None]
 
 
 def _places(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,8 @@ TRACK = (92, 100, 110)
 METAL, LOAD, STEEL = (150, 158, 168), (214, 92, 40), (92, 100, 110)
 NOWHERE = np.zeros(3)
 NOTHING = marks.Joining(np.zeros((0, 2, 3)), np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3)))
+WIDER = 1.15  # width of the opened part over that of the others
+HIDDEN = 0.35  # opacity of the opened part where a body is before it
 JOINING = {  # kind: solid, colour, opacity
     "springs": (shapes.coil, METAL, None),
     "pivots": (shapes.bracket, STEEL, None),
@@ -38,8 +41,11 @@ class Overlays:
     Children move with their bodies. Hidden overlays cost nothing.
     """
 
-    def __init__(self, server: viser.ViserServer):
-        self._scene = server.scene
+    def __init__(
+        self, server: viser.ViserServer, clicked: Callable[[int, marks.Part], None] | None = None
+    ):
+        self._scene, self._clicked = server.scene, clicked
+        self.joined: Mapping[str, marks.Joining] = {}  # as it is drawn now, by kind
         self._nodes: dict[str, list[Any]] = {}
         self._solids: marks.Placed | None = None
         self._attached = True  # the nodes hang on those of bodies
@@ -108,16 +114,29 @@ class Overlays:
     ) -> None:
         """Draw springs, rods, brackets of pivots, paths, and arrows for the applied forces."""
         on, R = "joining" in state.shown, shapes.to_matrix(wxyz)
-        there = marks.joinings(state, positions, R) if on else {}
+        self.joined = marks.joinings(state, positions, R) if on else {}
         for kind, (solid, color, opacity) in JOINING.items():
-            found = there.get(kind, NOTHING)
-            self._batch(
-                kind, solid, found.at - gone, found.wxyz, found.size,
+            found, name = self.joined.get(kind, NOTHING), f"joining/{kind}"
+            made = self._batch(
+                name, solid, found.at - gone, found.wxyz, found.size,
                 color if found.colors is None else found.colors.astype(np.uint8), opacity,
                 shadow=opacity is None,
             )  # fmt: skip
+            if made and kind in marks.OPENS and self._clicked is not None:
+                self._open_on_click(kind, self._nodes[name][0], self._clicked)
         arrows = marks.loads(state, positions, R) if on else np.zeros((0, 2, 3))
         self._arrows("loads", (arrows - gone).astype(np.float32), state.derived.size, LOAD)
+
+    def _open_on_click(
+        self, kind: str, node: Any, clicked: Callable[[int, marks.Part], None]
+    ) -> None:
+        """Tell about clicks on the marks of one node which part they show."""
+
+        @node.on_click
+        async def _(event: viser.SceneNodePointerEvent) -> None:
+            of, k = self.joined.get(kind, NOTHING).of, event.instance_index
+            if k is not None and k < len(of) and (part := of[k]) is not None:
+                clicked(event.client_id, part)
 
     def _arrows(self, kind: str, arrows: np.ndarray, size: float, color: shapes.Color) -> None:
         """Draw arrows of one kind in their node, which is hidden if there are none."""
@@ -132,27 +151,11 @@ class Overlays:
     def _batch(
         self, kind: str, solid: Any, at: Any, wxyz: Any, size: Any, color: Any, opacity: Any,
         shadow: bool = False,
-    ) -> None:  # fmt: skip
-        """Draw solids of one kind in their node, which is hidden if there are none."""
-        if drawn := self._nodes.get(kind):
-            node = drawn[0]
-            if len(at):
-                node.batched_positions, node.batched_wxyzs = at, wxyz
-                node.batched_scales = size
-                if isinstance(color, np.ndarray):
-                    node.batched_colors = color
-            node.visible = len(at) > 0
-            return
-        if len(at) == 0:
-            return
-        unit = solid()
-        self._nodes[kind] = [
-            self._scene.add_batched_meshes_simple(
-                f"/{kind}", unit.vertices, unit.faces, batched_wxyzs=wxyz, batched_positions=at,
-                batched_scales=size, batched_colors=color, opacity=opacity, lod="off",
-                cast_shadow=shadow, receive_shadow=shadow,
-            )
-        ]  # fmt: skip
+    ) -> bool:  # fmt: skip
+        """Draw solids of one kind in their node, and return whether it is new."""
+        return _batched(
+            self._scene, self._nodes, kind, solid, at, wxyz, size, color, opacity, shadow
+        )
 
     def _local(self, kind: str, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
         attached = len(state.derived.names) <= SEPARATE
@@ -188,6 +191,55 @@ class Overlays:
     def _remove(self, kind: str) -> None:
         for node in self._nodes.pop(kind, []):
             node.remove()
+
+
+class Opened:
+    """The part that is open on a page, drawn on that page alone over all else."""
+
+    def __init__(self, scene: viser.SceneApi):
+        self._scene = scene
+        self._nodes: dict[str, list[Any]] = {}
+
+    def render(self, part: marks.Part | None, joined: Mapping[str, marks.Joining]) -> None:
+        """Draw the marks of a part. The page gives them its colour."""
+        for kind in marks.OPENS:
+            solid, color, _ = JOINING[kind]
+            found = joined.get(kind, NOTHING).only(part)
+            for name, opacity in (("behind", HIDDEN), ("fill", None)):
+                _batched(
+                    self._scene, self._nodes, f"opened/{kind}/{name}", solid, found.at, found.wxyz,
+                    found.size * (WIDER, WIDER, 1.0), color, opacity, False,
+                )  # fmt: skip
+
+
+def _batched(
+    scene: viser.SceneApi, nodes: dict[str, list[Any]], kind: str, solid: Any, at: Any, wxyz: Any,
+    size: Any, color: Any, opacity: Any, shadow: bool,
+) -> bool:  # fmt: skip
+    """Draw solids of one kind in their node, which is hidden if there are none.
+
+    Return whether the node is new.
+    """
+    if drawn := nodes.get(kind):
+        node = drawn[0]
+        if len(at):
+            node.batched_positions, node.batched_wxyzs = at, wxyz
+            node.batched_scales = size
+            if isinstance(color, np.ndarray):
+                node.batched_colors = color
+        node.visible = len(at) > 0
+        return False
+    if len(at) == 0:
+        return False
+    unit = solid()
+    nodes[kind] = [
+        scene.add_batched_meshes_simple(
+            f"/{kind}", unit.vertices, unit.faces, batched_wxyzs=wxyz, batched_positions=at,
+            batched_scales=size, batched_colors=color, opacity=opacity, lod="off",
+            cast_shadow=shadow, receive_shadow=shadow,
+        )
+    ]  # fmt: skip
+    return True
 
 
 def _lines(color: shapes.Color, pixels: float) -> Any:

@@ -134,6 +134,21 @@ pgraph.stage = (() => {
     else if (!material.transparent)
       Object.assign(material, { transparent: true, depthTest: part === "fill", needsUpdate: true });
   }
+  // The connection that is open has the accent, faint where a body is before it.
+  viser.frame(() => {
+    for (const kind of Object.keys(pgraph.latest.joined ?? {}))
+      for (const part of ["behind", "fill"])
+        node(`/opened/${kind}/${part}`)?.traverse((mesh) => {
+          const { material } = mesh;
+          if (!material?.emissive) return;
+          mesh.renderOrder = ORDER[part];
+          material.color.setScalar(0);
+          material.emissive.set(tone("--accent"));
+          if (part === "behind") Object.assign(material, { depthFunc: GREATER, depthWrite: false });
+          if (material.toneMapped)
+            Object.assign(material, { toneMapped: false, needsUpdate: true });
+        });
+  });
   // The back of a body, as many pixels larger on all sides.
   const WIDTH = 2; // [px]
   const canvas = { value: [1, 1] };
@@ -182,18 +197,21 @@ pgraph.stage = (() => {
   // -- one hover: the body is lit in 3D, its row and node are marked, its name is at the pointer ----
   const HOVERED = 0.3; // of the accent's light
   const label = make("div", { className: "pgraph pgraph-pill hover", hidden: true });
-  let hovered = null,
+  const BODIES = "bodies";
+  let hovered = null, // name, in the list of the model that `list` names
+    list = BODIES,
     inView = false,
     pointer = [0, 0],
     overView = false; // viser may be late to say that the pointer has left
   const names = () => pgraph.latest.digraph?.names ?? [];
-  function hover(name, ofView = false) {
-    if (name !== hovered) {
+  function hover(name, ofView = false, of = BODIES) {
+    if (name !== hovered || of !== list) {
       for (const el of document.querySelectorAll(".hovered")) el.classList.remove("hovered");
+      const within = of === BODIES ? "" : `section[data-part="${of}"] `;
       if (name)
-        for (const el of document.querySelectorAll(`[data-name="${CSS.escape(name)}"]`))
+        for (const el of document.querySelectorAll(`${within}[data-name="${CSS.escape(name)}"]`))
           el.classList.add("hovered");
-      hovered = name;
+      [hovered, list] = [name, of];
       label.textContent = name;
       window.__viserMutable?.requestRender();
     }
@@ -208,12 +226,12 @@ pgraph.stage = (() => {
       overView = target.tagName === "CANVAS" && !target.closest(".pgraph");
       const named = target.closest?.("tr[data-name], g.node[data-name], .entry[data-name]");
       if (named || !inView) hover(named?.dataset.name || null);
-      else hover(hovered, true);
+      else hover(hovered, true, list);
     },
     { passive: true },
   );
   viser.frame(() => {
-    const lit = names().indexOf(hovered) + 1;
+    const lit = list === BODIES ? names().indexOf(hovered) + 1 : 0;
     let under = 0;
     for (let k = 1, body; (body = node(`/bodies/${k}`)); k++) {
       body.traverse(({ material, parent }) => {
@@ -227,15 +245,78 @@ pgraph.stage = (() => {
           );
       });
     }
+    const joined = overView && underPointer();
     if (under && overView) hover(names()[under - 1] ?? null, true);
+    else if (joined) hover(joined[1], true, joined[0]);
     else if (inView) hover(null);
   });
-  viser.materials("/bodies", ({ uniforms }) => {
-    // of a batch the outline of the instance is drawn
-    if (!uniforms?.thickness) return;
-    uniforms.thickness.value = 3;
-    uniforms.color.value.set(tone("--accent"));
-  });
+  // Of a batch the outline of the instance is drawn.
+  for (const name of ["/bodies", "/joining"])
+    viser.materials(name, ({ uniforms }) => {
+      if (!uniforms?.thickness) return;
+      uniforms.thickness.value = 3;
+      uniforms.color.value.set(tone("--accent"));
+    });
+  // [list, name] of the connection that viser outlines, or null.
+  function underPointer() {
+    let found = null;
+    for (const kind of Object.keys(pgraph.latest.joined ?? {}))
+      node(`/joining/${kind}`)?.traverse((mesh) => {
+        if (mesh.material?.uniforms?.thickness && mesh.visible && mesh.material.visible)
+          found = named(kind, mesh.position) ?? found;
+      });
+    return found;
+  }
+  // Between the turns of a spring the pointer is on it, too: it is on the prism around each instance.
+  const SIDES = 12;
+  function prism({ constructor: Geometry, attributes, boundingBox }) {
+    const { min, max } = boundingBox,
+      turn = (k) => (2 * Math.PI * (k % SIDES)) / SIDES;
+    const corner = (k, z) => [max.x * Math.cos(turn(k)), max.y * Math.sin(turn(k)), z];
+    const sides = [...Array(SIDES).keys()].flatMap((k) => {
+      const [a, b] = [corner(k, min.z), corner(k + 1, min.z)],
+        [c, d] = [corner(k, max.z), corner(k + 1, max.z)];
+      return [a, b, d, a, d, c, [0, 0, max.z], c, d, [0, 0, min.z], b, a];
+    });
+    const { constructor: Attribute } = attributes.position;
+    return new Geometry().setAttribute(
+      "position",
+      new Attribute(new Float32Array(sides.flat()), 3),
+    );
+  }
+  function aroundTurns(raycaster, hits) {
+    const own = this._geometry;
+    if (!own.boundingBox) own.computeBoundingBox();
+    this._geometry = this.userData.prism ??= prism(own);
+    Object.getPrototypeOf(this).raycast.call(this, raycaster, hits);
+    this._geometry = own;
+  }
+  // While bodies or points are picked, the pointer goes through all connections.
+  function passThrough() {
+    const { aim, constraints, joined = {} } = pgraph.latest,
+      through = Boolean(aim || constraints?.picking);
+    for (const kind of Object.keys(joined))
+      node(`/joining/${kind}`)?.traverse((mesh) => {
+        if (mesh.material?.uniforms?.thickness) mesh.material.visible = !through;
+        else if (mesh.instancesCount === undefined) return;
+        else if (through) mesh.raycast = () => {};
+        else if (kind === "springs") mesh.raycast = aroundTurns;
+        else delete mesh.raycast;
+      });
+  }
+  for (const topic of ["aim", "constraints"]) pgraph.on(topic, passThrough);
+  viser.frame(passThrough);
+  // The part of the instance at a place: [list, name].
+  function named(kind, { x, y, z }) {
+    const at =
+      window.__viserSceneTree.getState()[`/joining/${kind}`]?.message.props.batched_positions;
+    let last = 0;
+    for (const [of, name, count] of pgraph.latest.joined[kind])
+      for (const end = last + count; last < end; last++)
+        if (at?.[3 * last] === x && at[3 * last + 1] === y && at[3 * last + 2] === z)
+          return name ? [of, name] : null;
+    return null;
+  }
 
   // -- values at the heads of arrows: the largest first, none over another ----------------------------
   const APART = [52, 20]; // [px]

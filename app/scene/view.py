@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from importlib import import_module
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import viser
@@ -14,6 +14,8 @@ from pgraph_core.show import shapes
 from pgraph_core.show.bodies import SEPARATE, Look
 from pgraph_core.show.notebook import between
 
+from ..constraints import Part
+from ..constraints.update import OpenPart
 from ..core.bridge import Bridge, at_rest
 from ..core.events import Event
 from ..core.views import Host, Payload, Place, topic
@@ -33,7 +35,7 @@ from .nodes import (
     SeparateBodies,
     parts_of,
 )
-from .overlays import Overlays
+from .overlays import Opened, Overlays
 
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
 MOST_FILLED = 30  # bodies of a page
@@ -43,12 +45,15 @@ CENTRE = 0.015  # radius of the mark of a mass centre over the size of bodies
 
 
 class SceneView:
-    def __init__(self, server: viser.ViserServer, send: Callable[[Event], None]):
-        self._server = server
+    def __init__(self, bridge: Bridge, send: Callable[[Event], None]):
+        self._bridge, self._server = bridge, bridge.server
+        server = bridge.server
         self._names: tuple[str, ...] = ()
         self._bodies: Bodies | None = None
         self._looks: list[Look] = []  # by number
-        self._overlays = Overlays(server)
+        self._overlays = Overlays(server, self._clicked_part)
+        self._opened: dict[int, Opened] = {}  # by client
+        self._told: dict[int, Any] = {}  # by client: names of the marks that open something
         self._selected: dict[int, list[viser.FrameHandle]] = {}  # by client: `_filled`
         self._made_from: dict[int, Any] = {}  # sources of the nodes
         self._gizmos = Gizmos(server, send)
@@ -92,6 +97,36 @@ class SceneView:
             self._overlays.render(new, *at)
         if rebuilt or moved or new.pull is not old.pull:
             self._overlays.pull(new, *at)
+        self._open(old, new, rebuilt or moved or new.shown != old.shown)
+
+    def _open(self, old: State, new: State, changed: bool) -> None:
+        """Draw the connection that is open on a page, on that page only, and tell all names."""
+        joined = self._overlays.joined
+        names = {kind: joined[kind].names() for kind in marks.OPENS if kind in joined}
+        for client in self._told.keys() - new.clients.keys():
+            self._opened.pop(client, None)
+            del self._told[client]
+        for client, page in new.clients.items():
+            if self._told.get(client) != names:
+                self._told[client] = names
+                self._bridge.send(client, "joined", names)
+            before = old.clients.get(client, Client())
+            if page.opened == before.opened and (not changed or page.opened is None):
+                continue
+            if client not in self._opened:
+                handle = self._server.get_clients().get(client)
+                if page.opened is None or handle is None:
+                    continue
+                self._opened[client] = Opened(handle.scene)
+            self._opened[client].render(page.opened, joined)
+
+    def _clicked_part(self, client: int, part: marks.Part) -> None:
+        """Open what a mark shows, or select its body."""
+        page, (of, name) = self._state.clients.get(client) if self._state else None, part
+        if page is None or page.aims or page.picking:
+            return
+        opens = Select(client, name) if of == "bodies" else OpenPart(client, cast(Part, of), name)
+        self._send(opens)
 
     def _clicked(self, client: int, number: int) -> None:
         page = self._state.clients.get(client) if self._state else None
@@ -332,6 +367,6 @@ VIEWS = (
     Place(lambda desk: ForceView(desk.bridge), 67),
     Place(lambda desk: CameraView(desk.bridge), 68),
     Place(lambda desk: StageView(desk.bridge.server), 69),
-    Place(lambda desk: SceneView(desk.bridge.server, desk.send), 70),
+    Place(lambda desk: SceneView(desk.bridge, desk.send), 70),
     Place(lambda desk: GhostView(desk.bridge.server), 71),
 )

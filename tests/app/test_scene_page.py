@@ -13,7 +13,7 @@ from pgraph_app.playback import Pause, Scrub
 from pgraph_app.pose.update import HomePose, MoveJoint
 from pgraph_app.properties.update import EditBodies
 from pgraph_app.run import SetRun
-from pgraph_app.scene import Show, View
+from pgraph_app.scene import Show, View, marks
 from pgraph_app.server import Server
 from pgraph_app.table import DeleteBodies
 from pgraph_core.show.stage import TOWARDS, towards
@@ -26,6 +26,7 @@ from .on_page import (
     client_of,
     distance,
     drawn,
+    frames,
     middle_of,
     node,
     on_screen,
@@ -229,6 +230,56 @@ def test_a_selected_body_has_its_own_colour(page):
         until(lambda: page.evaluate(OWN) not in {None, *others}, name)  # noqa: B023
         known.setdefault(name, page.evaluate(OWN))
         until(lambda: page.evaluate(OWN) == known[name], f"{name} as before")  # noqa: B023
+
+
+EMISSIVE = """(name) => { let found = null;
+  window.__viserMutable.nodeRefFromName[name]?.traverse(({ material }) => {
+    if (material?.emissive) found = "#" + material.emissive.getHexString(); });
+  return found; }"""
+
+
+def test_a_spring_is_opened_by_a_click_and_has_the_accent_on_that_page(page, served, leg):
+    """Not while bodies are picked: then the click goes through it to what is behind it."""
+    beside = {"body": "trunk", "other": "ground", "point": (0, 1, 0), "other_point": (0, 1, 1)}
+    opened(page, served, leg.add(pg.Spring(name="bay", stiffness=1, **beside)))
+    page.evaluate("pgraph.front('Connections')")
+    steady(page, served)
+    state = served.store.state
+    (end,) = marks.joinings(state, state.derived.positions, np.eye(3)[None].repeat(4, 0))[
+        "springs"
+    ].at
+
+    def client():
+        return served.store.state.clients[client_of(served)]
+
+    def hovered(name: str) -> bool:
+        """Over the spring, whose name is at the pointer and whose line in the list is marked."""
+        x, y = on_screen(page, end)
+        for k in (1, 0):
+            page.mouse.move(x + k, y)
+            frames(page)
+        said = page.evaluate(
+            "document.querySelector('.pgraph-pill.hover:not([hidden])')?.textContent ?? ''"
+        )
+        return said == name
+
+    until(lambda: hovered("bay"), "its name at the pointer")
+    assert page.locator(".tie.hovered").get_attribute("data-name") == "bay"
+    page.evaluate("pgraph.send('AddPart', { part: 'forces', kind: 'motor', body: null })")
+    page.locator(".pgraph-banner").wait_for()
+    until(lambda: hovered(""), "no name while a body is picked")
+    page.mouse.click(*on_screen(page, end))
+    page.evaluate("pgraph.send('Unpick')")
+    until(lambda: client().picking is None, "an answer to what came after the click")
+    assert client().opened is None
+    page.evaluate("pgraph.front('Connections')")
+    until(lambda: hovered("bay"), "its name again")
+    page.mouse.click(*on_screen(page, end))
+    until(lambda: client().opened == ("forces", "bay"), "the open spring")
+    drawn(page, "/opened/springs/fill")
+    tone = page.evaluate("pgraph.stage.tone('--accent')")
+    until(lambda: page.evaluate(EMISSIVE, "/opened/springs/fill") == tone, "the accent")
+    assert "/opened/springs/fill" not in served.viser.scene._handle_from_node_name
 
 
 SEEN_FROM = """([name, up]) => { let sides = [];
