@@ -136,6 +136,12 @@ def typed_as(item: Any, field: str) -> tuple[str, tuple[Any, ...]]:
     return "number", ()
 
 
+def optional(item: Any, field: str) -> bool:
+    """Check whether a field may be left out."""
+    info = type(item).model_fields.get(field)
+    return info is not None and type(None) in set(_types(info.annotation))
+
+
 def varies(item: Any, field: str) -> bool:
     """Check whether a field takes an expression in time and the motion in place of a number."""
     info = type(item).model_fields.get(field)
@@ -166,13 +172,21 @@ def own_fields(item: Any) -> tuple[str, ...]:
         return tuple(n for n in names if n != "coordinate" or item.kind in OF_JOINT)
     if "through" in names:  # the first moving body follows from the stations
         return tuple(n for n in names if n != "body")
-    if places := getattr(item, "PLACES", ()):  # a path ends at the other point
-        first = names[: names.index("other_point")]
-        return (*first, *places, *(n for n in names if n not in (*first, *places)))
+    if isinstance(item, pg.Muscle):
+        first = ("kind", "body", "other", *OF_MUSCLES)
+        names = [*first, *(name for name in names if name not in first)]
     sums = isinstance(item, (pg.Velocity, pg.Coupling, pg.Tendon))
     return tuple(n for n in names if n != "body" or not sums)
 
 
+def of_path(item: Any) -> tuple[str, ...]:
+    """Return the fields of the points of a path, in their order along it."""
+    if "through" in type(item).model_fields:
+        return ("through",)
+    return ("point", *item.PLACES, "other_point") if getattr(item, "PLACES", ()) else ()
+
+
+OF_MUSCLES = ("excitation", "f_max", "l_opt", "l_slack", "pennation", "model", "tendon")
 SELDOM = {"windup", "tracking", "start", "sample"}  # fields of controllers
 
 
@@ -180,6 +194,9 @@ def rare(item: Any, name: str) -> bool:
     """Check whether a field is at its default and seldom needed, so that a form lists it last."""
     if isinstance(item, OnJoint):
         seldom = {*OnJoint.model_fields} - {"kind", "body", "coordinate", item.INPUT}
+    elif isinstance(item, pg.Muscle):
+        path = of_path(item)
+        seldom = {*own_fields(item)} - {"kind", "body", "other", *OF_MUSCLES, *path}
     else:
         seldom = SELDOM if isinstance(item, pg.Control) else set()
     return name in seldom and getattr(item, name) == type(item).model_fields[name].default

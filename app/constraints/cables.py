@@ -65,7 +65,12 @@ def station(model: pg.Model, name: str, point: Vector | None = None) -> Fields:
     found = next(filter(None, (_round(shape, axis) for shape in body.shapes)), None)
     if found is not None:
         return {"body": name, "point": found[0], "radius": found[1]}
-    return {"body": name, "radius": float(f"{WHEEL * derive(model).size:.1g}")}
+    return {"body": name, "radius": usual_radius(model)}
+
+
+def usual_radius(model: pg.Model) -> float:
+    """Return the radius of a wheel that no shape tells [m]."""
+    return float(f"{WHEEL * derive(model).size:.1g}")
 
 
 def hinge_of(body: pg.Body) -> np.ndarray | None:

@@ -35,6 +35,7 @@ from . import (
     cables,
     cams,
     curves,
+    optional,
     own_fields,
     places,
     relations,
@@ -193,7 +194,8 @@ def changed(
     if field == "follower" and isinstance(item, pg.Cam):
         return _put(model, part, name, cams.followed(data, entries[0][1]))
     if field in (*PAIR, "at") or typed_as(item, field)[0] == "choice":
-        return _put(model, part, name, on_joint(model, item, data, {field: entries[0][1]}))
+        chosen = entries[0][1] or (None if optional(item, field) else "")
+        return _put(model, part, name, on_joint(model, item, data, {field: chosen}))
     for index, text in entries:
         data = _typed(model, item, data, field, index, text, display, at)
     return _put(model, part, name, data)

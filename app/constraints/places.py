@@ -13,6 +13,8 @@ from pgraph_core.forces import BetweenPoints
 from pgraph_core.rotation import matrix
 
 from ..core.cells import Display, Refusal, content, replaced
+from ..core.state import derive
+from .cables import WHEEL
 from .curves import plain
 from .gains import EVERY, GROUND
 
@@ -82,6 +84,7 @@ def points(
 
 
 OF_VIA = tuple(pg.Via.model_fields)  # whose numbers stand in the indices of their cells
+BESIDE = 0.4  # largest radius of a new obstacle over the distance to the nearest other point
 
 
 def path(
@@ -119,9 +122,16 @@ def path(
         place[key] = True
     else:
         new = content(text, "number" if key == "axis" else "length", display)
-        vector = tuple(place.get(key) or (0.0, 0.0, 0.0))
-        place[key] = new if key == "radius" else replaced(vector, tuple(component), new)
+        old = new if key == "radius" else tuple(place.get(key) or (0.0, 0.0, 0.0))
+        place[key] = replaced(old, tuple(component), new)
     return tuple(places)
+
+
+def round_at(model: pg.Model, item: Item, i: int, at: Places) -> float:
+    """Return the radius of a new obstacle at point i of a path [m]."""
+    there, size = along(model, item, at), WHEEL * derive(model).size
+    apart = (float(np.linalg.norm(x - there[i + 1])) for k, x in enumerate(there) if k != i + 1)
+    return float(f"{min(size, BESIDE * min(apart)) or size:.1g}")
 
 
 def _on(name: str, place: np.ndarray, at: Places) -> dict[str, Any]:

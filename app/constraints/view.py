@@ -39,6 +39,8 @@ from . import (
     cables,
     cams,
     curves,
+    of_path,
+    optional,
     own_fields,
     parts,
     pictures,
@@ -257,14 +259,30 @@ def _picking(model: pg.Model, picking: Picking | None) -> Payload | None:
 def form(state: State, display: Display, part: Part, item: Any) -> list[Payload]:
     """Return the relevant fields of a part."""
     at = places.at_home(state.derived.names, state.derived.positions, state.derived.wxyz)
-    cells = state.model.cells(item, part)
+    cells, kind = state.model.cells(item, part), parts.kind_of(part, item)
     found, more = [field("name", "Name", [cell((), item.name)], kind="text")], []
+    if problem := cables.faults(state.model).get(item.name) if cables.leads(kind) else "":
+        text = f"{problem[:1].upper()}{problem[1:]}."
+        found.append(field("through", "", [], note=text, bad=True))
+    points = of_path(item)
     for name in own_fields(item):
-        here = more if rare(item, name) else found
-        here += _field(state, part, item, name, cells, display, at)
+        if name not in points:
+            here = more if rare(item, name) else found
+            here += _field(state, part, item, name, cells, display, at)
     if isinstance(item, pg.PID):
         found.append(field("response", "", [], buttons=[RESPONSE]))
-    return [group("", found), *([group("More", more, False)] if more else [])]
+    path = [one for name in points for one in _field(state, part, item, name, cells, display, at)]
+    return [
+        group("", found),
+        *([group("More", more, False)] if more else []),
+        *([_grouped(item, path)] if path else []),
+    ]
+
+
+def _grouped(item: Any, path: list[Payload]) -> Payload:
+    """Return the rows of the points of a path, which are shown at once if it has only its ends."""
+    count = len(item._places) + 2 * ("through" not in type(item).model_fields)
+    return group("Path", path, count <= 2, f"{count} points")
 
 
 def _field(
@@ -295,7 +313,7 @@ def _field(
         case "through":
             return _stations(model, item, cells[name], display)
         case _ if name in getattr(item, "PLACES", ()):
-            return _path(item, name, cells, display)
+            return _path(model, item, name, cells, display, at)
         case "shape" if isinstance(item, pg.Muscle):
             usual = "; ".join(f"{key} {x:g}" for key, x in item.kind_of.shape.items())
             text = "; ".join(f"{key} {x:g}" for key, x in item.shape.items())
@@ -315,7 +333,8 @@ def _field(
             return _over_time(item, name, cells)
     form, options = typed_as(item, name)
     if form == "choice":
-        return [choice(name, about(item, name).label, getattr(item, name), options)]
+        shows, none = about(item, name), [("", "default")] if optional(item, name) else []
+        return [choice(name, shows.label, getattr(item, name), (*none, *options), help=shows.help)]
     if form == "rows":
         shows = about(item, name)
         return [field(name, shows.label, [cell((), curves.rows(cells.get(name)))], unit=shows.unit,
@@ -479,40 +498,56 @@ def _points(item: pg.Contact, cells: Any, display: Display) -> list[Payload]:
     return [*found, field("points", "Points", [], buttons=more, note=said)]
 
 
-def _path(item: Any, name: str, cells: Any, display: Display) -> list[Payload]:
+def _path(
+    model: pg.Model, item: Any, name: str, cells: Any, display: Display, at: Any
+) -> list[Payload]:
     """Return the rows of each point of a path: its body, the point and those of an obstacle."""
     shows, found = about(item, name), list[Payload]()
     for i, (place, row) in enumerate(zip(getattr(item, name), map(dict, cells[name]))):
-        out = button("×", "", "take this point out", field=name, index=[i], text="")
-        found.append(field(name, f"Via {i + 1}", [cell((i, 0), place.body)], kind="names",
-                           options=[GROUND], buttons=[out], help=shows.help))  # fmt: skip
+        radius = "" if place.radius else f"{places.round_at(model, item, i, at)} m"
+        found.append(
+            field(name, f"Via {i + 1}", [cell((i, 0), place.body)], kind="names",
+                  options=[GROUND], help=shows.help,
+                  buttons=_of_row(name, i, "the path lies on a sphere or cylinder here",
+                                  radius, (i, places.OF_VIA.index("radius"))))
+        )  # fmt: skip
         for number, key in enumerate(places.OF_VIA[1:], start=1):
-            if key in ("point", "radius") or place.radius is not None:
+            if key == "point" or place.radius is not None:
                 found.append(_of_place(name, (i, number), key, place, row.get(key), display))
     more = field(name, "+ via", [cell((), "")], kind="names", options=[NO_BODY, GROUND],
                  help=shows.help)  # fmt: skip
     return [*found, more]
 
 
+def _of_row(
+    name: str, i: int, rounds: str, radius: str, index: tuple[int, int], up: bool = False
+) -> list[Payload]:
+    """Return the buttons of a point of a path: round, if it has a radius to take; up; out."""
+    return [
+        *([button("Round", "", rounds, field=name, index=index, text=radius)] if radius else []),
+        *([button("↑", "", "one place up", field=name, index=[i], text=cables.UP)] if up else []),
+        button("×", "", "take this point out", field=name, index=[i], text=""),
+    ]
+
+
 def _stations(model: pg.Model, item: Any, cells: Any, display: Display) -> list[Payload]:
-    """Return the rows of each station of a cable, and why it cannot lie there, if so."""
+    """Return the rows of each station of a cable."""
     found, name = list[Payload](), "through"
-    if problem := cables.faults(model).get(item.name):
-        found.append(field(name, "", [], note=f"{problem[:1].upper()}{problem[1:]}.", bad=True))
     count = len(item.through)
     for i, (one, row) in enumerate(zip(item.through, map(dict, cells))):
-        up = button("↑", "", "one place up", field=name, index=[i], text=cables.UP)
-        out = button("×", "", "take it out", field=name, index=[i], text="")
+        radius = "" if one.radius else f"{cables.usual_radius(model)} m"
         word = cables.word(i, one, count, item.closed)
         found.append(
             field(name, f"{i + 1}. {word}", [cell((i, 0), one.body)],
-                  kind="names", options=[(GROUND, GROUND)], buttons=[*([up] if i else []), out],
-                  help=about(one, "body").help or "body of this station")
+                  kind="names", options=[(GROUND, GROUND)],
+                  help=about(one, "body").help or "body of this station",
+                  buttons=_of_row(name, i, "a wheel here, on which the cable lies", radius,
+                                  (i, cables.OF_STATION.index("radius")), up=i > 0))
         )  # fmt: skip
         found += [
             _of_station(model, (i, number), key, one, row.get(key), display)
             for number, key in enumerate(cables.OF_STATION[1:], start=1)
-            if key in ("point", "radius") or one.radius
+            if key == "point" or one.radius
         ]
     more = field(name, "+ body", [cell((), "")], kind="names", options=[NO_BODY, GROUND],
                  help="led on to a further body, as its last station")  # fmt: skip

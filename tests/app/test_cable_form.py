@@ -169,10 +169,10 @@ def test_rows_show_each_station_and_edit_it():
     state = led(ATWOOD, "left", "sheave", "right")
     labels = [row["label"] for row in rows(state)]
     assert labels == [
-        "1. point", "Point", "Radius", "2. wheel", "Centre", "Radius", "Axis", "Side", "Grip",
-        "Friction", "3. point", "Point", "Radius", "+ body",
+        "1. point", "Point", "2. wheel", "Centre", "Radius", "Axis", "Side", "Grip",
+        "Friction", "3. point", "Point", "+ body",
     ]  # fmt: skip
-    axis = rows(state)[6]
+    axis = rows(state)[5]
     assert [(c["value"], c["implied"]) for c in axis["cells"]] == [(0, True), (1, True), (0, True)]
     state = edit(state, ((1, 2), "120 mm"), ((0, 1, 2), "0.25"))
     assert (part(state).through[1].radius, part(state).through[0].point) == (0.12, (0, 0, 0.25))
@@ -198,7 +198,7 @@ def test_rows_are_added_moved_and_taken_out():
     assert part(state).through[1].side is None  # the drum has become a wheel
     assert lies(state)
     third = next(row for row in rows(state) if row["label"].startswith("3. "))
-    up = third["buttons"][0]["fields"]
+    up = next(b["fields"] for b in third["buttons"] if b["text"] == "↑")
     state = edit(state, (tuple(up["index"]), up["text"]))
     assert [x.body for x in part(state).through] == ["left", "right", "sheave"]
     assert lies(state)
@@ -214,7 +214,9 @@ def test_rows_are_added_moved_and_taken_out():
 def test_a_point_becomes_a_wheel_across_its_spans():
     bodies = [weight("a", (-1, 0, 0)), weight("b", (0, 0, 1)), weight("c", (1, 0, 0))]
     state = led(pg.Model(bodies=bodies), "a", "b", "c")
-    state = edit(state, ((1, 2), "0.1"))
+    round_ = next(row for row in rows(state) if row["label"] == "2. point")["buttons"][0]
+    state = edit(state, (tuple(round_["fields"]["index"]), round_["fields"]["text"]))
+    assert part(state).through[1].radius == cables.usual_radius(state.model)
     assert np.abs(part(state).through[1].axis).tolist() == [0, 1, 0]
     assert lies(state)
 

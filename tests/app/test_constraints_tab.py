@@ -223,6 +223,12 @@ def test_a_drive_that_gets_a_second_body_keeps_its_own(kind, coordinate):
     assert (drive.body, dict(drive.coefficients)) == ("2", {"2": row, "3": (1.0,)})
 
 
+def rows_of(state, *fields):
+    """The rows of the form of the first force, all or those of some fields."""
+    groups = form(state, Display(), "forces", state.model.forces[0])
+    return [r for g in groups for r in g["fields"] if not fields or r["field"] in fields]
+
+
 def pulls(state):
     """The length of the path that the page shows [m]."""
     d = state.derived
@@ -271,7 +277,7 @@ def test_a_picked_via_point_is_in_the_axes_of_its_own_body(state):
 def test_a_pick_for_an_obstacle_fills_the_row_that_it_was_asked_for(state, field):
     state = edit(add(state, "forces", "spring", "3", "1"), "forces", "spring", "via", ((), "2"))
     state = edit(state, "forces", "spring", "via", ((0, 2), "0.05"))
-    rows = form(state, Display(), "forces", state.model.forces[0])[0]["fields"]
+    rows = rows_of(state)
     row = next(r for r in rows if r["field"] == "via" and r["label"].lower() == field)
     index = tuple(row["cells"][0]["index"][:-1])  # as the page sends it
     aim = Aim(row["pick"], "via", index, part="forces", name="spring", seen=state.version)
@@ -601,10 +607,13 @@ def test_a_form_lists_points_in_the_order_of_the_path(kind, count):
     free = {"stiffness": 10.0} if kind is pg.Spring else {"bump_stiffness": 1.0, "bump_length": 0.1}
     rope = kind(name="rope", body="2", other_point=(1.0, 0.0, 0.0), via=via, **free)
     model = pg.Model.serial(2).model_copy(update={"forces": (rope,)})
-    rows = form(begun(model), Display(), "forces", rope)[0]["fields"]
-    points = [row["label"] for row in rows if row["field"] in ("point", "via", "other_point")]
-    between = [label for i in range(count) for label in (f"Via {i + 1}", "Point", "Radius")]
-    assert points == ["Point", *between, "+ via", "Other point"]
+    *_, path = form(begun(model), Display(), "forces", rope)
+    rows = path["fields"]
+    between = [label for i in range(count) for label in (f"Via {i + 1}", "Point")]
+    assert [row["label"] for row in rows] == ["Point", *between, "+ via", "Other point"]
+    assert (path["title"], path["state"], path["open"]) == (
+        "Path", f"{count + 2} points", count == 0
+    )  # fmt: skip
     assert next(row for row in rows if row["label"] == "+ via")["cells"][0]["value"] == ""
 
 
@@ -617,13 +626,17 @@ def test_a_point_of_a_path_becomes_an_obstacle_with_an_axis_and_a_side():
         return edit(state, "forces", "rope", "via", *entries)
 
     def labels():
-        rows = form(state, Display(), "forces", state.model.forces[0])[0]["fields"]
-        return [row["label"] for row in rows if row["field"] == "via"][:6]
+        return [row["label"] for row in rows_of(state) if row["field"] == "via"][:6]
 
-    assert labels() == ["Via 1", "Point", "Radius", "Via 2", "Point", "Radius"]
+    assert labels() == ["Via 1", "Point", "Via 2", "Point", "+ via"]
+    round_, out = rows_of(state, "via")[0]["buttons"]
+    assert (round_["text"], out["text"]) == ("Round", "×")
+    state = typed((tuple(round_["fields"]["index"]), round_["fields"]["text"]))
+    assert 0.0 < state.model.forces[0].via[0].radius < 0.4
+    assert labels() == ["Via 1", "Point", "Radius", "Axis", "Side", "Inner"]
+    assert [b["text"] for b in rows_of(state, "via")[0]["buttons"]] == ["×"]
     state = typed(((0, 2), "0.05"))
     assert state.model.forces[0].via[0].radius == 0.05
-    assert labels() == ["Via 1", "Point", "Radius", "Axis", "Side", "Inner"]
     state = typed(((0, 3, 0), "0"), ((0, 3, 1), "0"), ((0, 3, 2), "1"))
     state = typed(((0, 4, 0), "0.1"), ((0, 4, 1), "0.2"), ((0, 4, 2), "0"))
     found = state.model.forces[0].via[0]

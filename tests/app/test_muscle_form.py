@@ -3,7 +3,8 @@
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_app.constraints.view import between, constraints
+from pgraph_app.constraints.view import between, constraints, form
+from pgraph_app.core.cells import Display
 from pgraph_app.scene import marks
 
 from .store import ME, after, begun, do, reply
@@ -81,3 +82,29 @@ def test_a_line_of_the_list_names_a_body_once_for_points_that_follow_each_other_
         muscle = pg.Muscle(body="upper", other="forearm", via=via, f_max=1.0, l_opt=0.1,
                            l_slack=0.1)  # fmt: skip
         assert between(muscle) == text
+
+
+def test_a_form_of_a_muscle_begins_with_its_excitation_and_ends_with_its_path():
+    """Numbers that are those of the model are among "More" until they are given."""
+
+    def groups(state):
+        (muscle,) = state.model.forces
+        drawn = form(state, Display(), "forces", muscle)
+        return {g["title"]: list(dict.fromkeys(f["field"] for f in g["fields"])) for g in drawn}
+
+    first = ["name", "kind", "body", "other", "excitation", "f_max", "l_opt", "l_slack",
+             "pennation", "model", "tendon"]  # fmt: skip
+    seldom = ["start", "rise", "fall", "fastest", "damping", "weakest", "shape"]
+    assert groups(led()) == {"": first, "More": seldom, "Path": ["point", "via", "other_point"]}
+    given = groups(edited(led(), "rise", "0.02"))
+    assert (given[""], given["More"]) == ([*first, "rise"], [n for n in seldom if n != "rise"])
+
+
+def test_a_choice_that_may_be_left_out_can_be_taken_back():
+    """The list of the tendon was empty until one of both was chosen, for ever."""
+    state = edited(led(), "tendon", "rigid")
+    assert state.model.forces[0].tendon == "rigid"
+    shown = fields(state)["tendon"]
+    assert [value for value, _ in shown["options"]] == ["", "elastic", "rigid"]
+    assert edited(state, "tendon", "").model.forces[0].tendon is None
+    assert "model" in reply(edited(state, "model", ""))
