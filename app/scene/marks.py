@@ -244,8 +244,8 @@ def placed(solids: Placed, positions: np.ndarray, wxyz: np.ndarray) -> tuple[np.
 # -- what joins bodies -------------------------------------------------------------------------
 
 
-OPENS = ("springs", "rods", "muscles", "beads", "pivots")  # marks that open what they show
-Part = tuple[str, str]  # "bodies", "forces" or "constraints", and a name
+OPENS = ("springs", "rods", "muscles", "beads")  # marks that open what they show
+Part = tuple[str, str]  # "forces" or "constraints", and a name
 
 
 class Span(NamedTuple):
@@ -405,7 +405,7 @@ def pivots(state: State) -> Joining:
     """Create a bracket along the axis of each ground pivot, opposite to the body."""
     d, model = state.derived, state.model
     up, R = np.array(GRID[model.up][1]), shapes.to_matrix(d.wxyz)
-    ends, turns, of = [], [], list[Part | None]()
+    ends, turns = [], []
     for pivot in _pivots(model):
         body = pivot if isinstance(pivot, pg.Body) else model.body(pivot.pair[0])
         k = d.number[body.name] - 1
@@ -421,10 +421,9 @@ def pivots(state: State) -> Joining:
         y = y / np.linalg.norm(y)
         ends.append((at - BRACKET * d.grain * z, at))
         turns.append(np.column_stack((np.cross(y, z), y, z)))
-        of.append(("bodies" if body is pivot else "constraints", pivot.name))
     between, size = np.reshape(ends, (-1, 2, 3)), BRACKET * d.grain
     wxyz = shapes.to_wxyz(np.reshape(turns, (-1, 3, 3)))
-    return Joining(between, between.mean(axis=1), wxyz, np.full((len(ends), 3), size), tuple(of))
+    return Joining(between, between.mean(axis=1), wxyz, np.full((len(ends), 3), size))
 
 
 def _between(spans: Sequence[Span]) -> Joining:

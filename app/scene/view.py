@@ -121,12 +121,10 @@ class SceneView:
             self._opened[client].render(page.opened, joined)
 
     def _clicked_part(self, client: int, part: marks.Part) -> None:
-        """Open what a mark shows, or select its body."""
-        page, (of, name) = self._state.clients.get(client) if self._state else None, part
-        if page is None or page.aims or page.picking:
-            return
-        opens = Select(client, name) if of == "bodies" else OpenPart(client, cast(Part, of), name)
-        self._send(opens)
+        """Open what a mark shows."""
+        page = self._state.clients.get(client) if self._state else None
+        if page is not None and not page.aims and not page.picking:
+            self._send(OpenPart(client, cast(Part, part[0]), part[1]))
 
     def _clicked(self, client: int, number: int) -> None:
         page = self._state.clients.get(client) if self._state else None

@@ -575,12 +575,12 @@ def test_a_touch_screen_selects_orbits_drags_and_plays(browser, page, served, co
 def test_instances_placed_after_the_last_picture_are_drawn(page: Any, served: Server):
     """Viser places the instances of a solid after it is in the scene, however slow pictures are."""
     settled(page, served)
-    page.wait_for_function("window.__viserMutable.nodeRefFromName['/pivots']")
+    page.wait_for_function("window.__viserMutable.nodeRefFromName['/joining/pivots']")
     page.evaluate(  # the clock stands, long after the last request and before a picture at rest
         """() => {
       const later = performance.now() + 5000;
       performance.now = () => later;
-      __viserMutable.nodeRefFromName['/pivots'].traverse((one) => {
+      __viserMutable.nodeRefFromName['/joining/pivots'].traverse((one) => {
         if (one.matricesTexture) (window.placed = one.matricesTexture).enqueueUpdate(0);
       }); }"""
     )
