@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from .analysis.feedback import place_poles as place_poles
     from .analysis.mobility import Mobility as Mobility
     from .batches.batch_stepper import BatchStepper as BatchStepper
+    from .capture.tracking import Tracking as Tracking
+    from .capture.tracking import track as track
     from .capture.trial import Plate as Plate
     from .capture.trial import Trial as Trial
     from .capture.trial import read_trial as read_trial

@@ -44,7 +44,7 @@ class Plate:
     @property
     def loaded(self) -> Array:
         """A mask (m,) that is True where the plate bears a load."""
-        return np.isfinite(self.point).all(axis=1)
+        return np.isfinite(self.point[:, 0])
 
     def wrench(self, t: Array) -> Array:
         """Return [torque about the origin, force] (n, 6) at times, zero beyond the record."""
@@ -294,7 +294,7 @@ def centre_of_pressure(force: Array, moment: Array, origin: Array, axes: Array) 
     """
     f = force @ axes
     m = (moment - np.cross(origin, force)) @ axes
-    borne = np.abs(f[:, 2]) > LOADED
+    borne: Array = np.abs(f[:, 2]) > LOADED
     over = np.where(borne, f[:, 2], 1.0)
     inside = np.stack((-m[:, 1] / over, m[:, 0] / over, np.zeros(len(f))), axis=1)
     return np.where(borne[:, None], origin + inside @ axes.T, np.nan)

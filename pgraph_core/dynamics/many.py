@@ -8,7 +8,6 @@ Int. J. Robotics Research 5 (1986) 101-119).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -16,7 +15,7 @@ import numpy as np
 from ..engine import layout as at
 from ..engine.tree import bodies as kernels
 from ..joints import SIZE
-from ..packing import Array
+from ..packing import Array, Ints, plain
 from ..packing.packed import Packed
 
 if TYPE_CHECKING:
@@ -48,23 +47,37 @@ def motions(packed: Packed, q: Array, v: Array, a: Array, external: Array | None
     return Motions(place, turn.reshape(n, nb, 3, 3), *found)
 
 
-def carriers(packed: Packed) -> np.ndarray:
-    """Return the index of the body whose joint has each velocity, (nv,)."""
-    found = np.zeros(packed.nv, dtype=np.int64)
+class Plan(NamedTuple):
+    """Which joint has each velocity, and which velocities are tried together."""
+
+    own: Ints  # (nv,) index of the body whose joint has it
+    parent: Ints  # (nv,) index of that body's parent, -1 for the ground
+    turn: Ints  # (nv,) its number within its joint
+    speeds: Array  # (k, nv) all joints move by their k-th velocity
+    carried: Array  # (nb, nv) 1.0 where a velocity moves a body, else 0.0
+    plain: tuple[Ints, Ints]  # indices into q and v of coordinates whose rates are velocities
+
+
+def plan(packed: Packed) -> Plan:
+    """Return the plan of a mechanism, made once."""
+    if (made := vars(packed).get("_plan_of_twists")) is not None:
+        return made
+    parents = packed.topology.parent.astype(np.int64) - 1
+    own, turn = np.zeros((2, packed.nv), dtype=np.int64)
     for name, joint in packed.joints.items():
-        found[joint.v] = packed.topology.number(name) - 1
-    return found
-
-
-def carried(packed: Packed) -> Array:
-    """Return 1.0 where a velocity moves a body, else 0.0, (nb, nv)."""
-    own, parent = carriers(packed), packed.topology.parent
-    found = np.zeros((packed.nb, packed.nv))
-    for b in range(packed.nb):  # parents come first
-        if parent[b] > 0:
-            found[b] = found[parent[b] - 1]
-        found[b, own == b] = 1.0
-    return found
+        own[joint.v] = packed.topology.number(name) - 1
+        turn[joint.v] = np.arange(joint.v.stop - joint.v.start)
+    speeds = np.zeros((int(turn.max(initial=0)) + 1, packed.nv))
+    speeds[turn, np.arange(packed.nv)] = 1.0
+    carried = np.zeros((packed.nb, packed.nv))
+    for b, parent in enumerate(parents.tolist()):  # parents come first
+        if parent >= 0:
+            carried[b] = carried[parent]
+        carried[b, own == b] = 1.0
+    vars(packed)["_plan_of_twists"] = made = Plan(
+        own, parents[own], turn, speeds, carried, plain(packed.rows)
+    )  # fmt: skip
+    return made
 
 
 class Twists(NamedTuple):
@@ -74,19 +87,20 @@ class Twists(NamedTuple):
     place: Array  # (n, nb, 3)
     turn: Array  # (n, nb, 3, 3)
 
-    def points(self, packed: Packed, body: Sequence[int], point: Array) -> tuple[Array, Array]:
+    def points(self, body: Ints, point: Array, moved: Array) -> tuple[Array, Array]:
         """Return the places (n, m, 3) of points (m, 3) of bodies, and Jacobians (n, m, 3, nv).
 
-        The indices `body` are -1 for points of the ground.
+        The indices `body` are -1 for points of the ground, and `moved` (m, nv) is 1.0 where a
+        velocity moves a point, else 0.0.
         """
-        body = np.asarray(body, dtype=np.int64)
-        fixed = body < 0
-        place = self.place[:, body] + np.einsum("nmij,mj->nmi", self.turn[:, body], point)
-        place = np.where(fixed[:, None], point, place)
-        w, x = self.twist[:, None, :, :3], self.twist[:, None, :, 3:]
-        slope = x + np.cross(w, place[:, :, None, :])
-        slope *= (carried(packed)[body] * ~fixed[:, None])[None, :, :, None]
-        return place, slope.transpose(0, 1, 3, 2)
+        place = (self.turn[:, body] @ point[:, :, None])[..., 0] + self.place[:, body]
+        place = np.where((body < 0)[:, None], point, place)
+        w, u = self.twist[:, None, :, :3], self.twist[:, None, :, 3:]
+        slope = np.empty((*place.shape, self.twist.shape[1]))
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # u + w x place
+            found = w[..., j] * place[..., k, None] - w[..., k] * place[..., j, None]
+            slope[:, :, i] = (found + u[..., i]) * moved
+        return place, slope
 
 
 def twists(packed: Packed, q: Array) -> Twists:
@@ -95,36 +109,38 @@ def twists(packed: Packed, q: Array) -> Twists:
     A state in which all joints turn their k-th coordinate gives the k-th twist of each joint, as
     the difference of the velocities of its body and of the parent.
     """
-    n, nv = q.shape[0], packed.nv
-    spans = [(packed.topology.number(name) - 1, j.v) for name, j in packed.joints.items()]
-    most = max((s.stop - s.start for _, s in spans), default=0)
-    speeds = np.zeros((max(most, 1), nv))
-    for _, s in spans:
-        speeds[np.arange(s.stop - s.start), np.arange(s.start, s.stop)] = 1.0
-    count = len(speeds)
+    n, (own, parent, turn, speeds, *_) = len(q), plan(packed)
+    count, each = len(speeds), np.arange(n)[:, None]
     found = motions(packed, np.tile(q, (count, 1)), np.repeat(speeds, n, axis=0),
-                    np.zeros((n * count, nv)))  # fmt: skip
-    about = found.velocity.copy()
-    about[..., 3:] -= np.cross(found.velocity[..., :3], found.place)
-    about = about.reshape(count, n, packed.nb, 6)
-    twist = np.zeros((n, nv, 6))
-    for b, s in spans:
-        parent = int(packed.topology.parent[b]) - 1
-        own = about[:, :, b] - (about[:, :, parent] if parent >= 0 else 0.0)
-        twist[:, s] = own[: s.stop - s.start].transpose(1, 0, 2)
+                    np.zeros((n * count, packed.nv)))  # fmt: skip
+    velocity = found.velocity.reshape(count, n, packed.nb, 6)
+    ground = (parent < 0)[:, None]
+    twist = velocity[turn, each, own] - np.where(ground, 0.0, velocity[turn, each, parent])
+    w = velocity[turn, each, parent, :3]
+    place, between = found.place[:n][:, own], found.place[:n][:, own] - found.place[:n][:, parent]
+    twist[..., 3:] -= np.where(ground, 0.0, _across(w, between))
+    twist[..., 3:] -= _across(twist[..., :3], place)
     return Twists(twist, found.place[:n], found.turn[:n])
+
+
+def _across(a: Array, b: Array) -> Array:
+    """Return cross products (..., 3), as np.cross, at a third of its time for few vectors."""
+    found = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        found[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return found
 
 
 def torques(mech: Dynamics, q: Array, v: Array, a: Array, external: Array | None = None) -> Array:
     """Return the joint torques (n, nv) of the tree at many states, as `inverse_dynamics`."""
-    packed, own = mech.packed, carriers(mech.packed)
+    packed, own = mech.packed, plan(mech.packed).own
     found, twist = motions(packed, q, v, a, external), twists(packed, q).twist
     force = found.force[:, own]  # (n, nv, 6), about the body's origin
-    torque = force[..., :3] + np.cross(found.place[:, own], force[..., 3:])
+    torque = force[..., :3] + _across(found.place[:, own], force[..., 3:])
     tau = (twist[..., :3] * torque + twist[..., 3:] * force[..., 3:]).sum(axis=2)
     tau += armature(mech) * a
     if mech._springs:
-        tau -= [mech._passive(*map(np.ascontiguousarray, state), mech._rest) for state in zip(q, v)]
+        tau -= [mech._passive(x.copy(), y.copy(), mech._rest) for x, y in zip(q, v)]
     return tau
 
 
@@ -177,7 +193,7 @@ def regressor(mech: Dynamics, q: Array, v: Array, a: Array) -> Array:
     of_torque += _cross(found.place) @ of_force  # about the world's origin
     y = np.einsum("njk,nbkp->njbp", twist[..., :3], of_torque)
     y += np.einsum("njk,nbkp->njbp", twist[..., 3:], of_force)
-    return (y * carried(packed).T[None, :, :, None]).reshape(n, packed.nv, PARAMETERS * packed.nb)
+    return (y * plan(packed).carried.T[None, :, :, None]).reshape(n, packed.nv, PARAMETERS * packed.nb)
 
 
 def _cross(x: Array) -> Array:
