@@ -71,7 +71,7 @@ class Tracking:
     t: Array  # (n,) [s]
     q: Array  # (n, nq)
     markers: tuple[str, ...]  # sites that are followed
-    residual: Array  # (n, m) distances of markers from their sites [m], nan where not seen
+    offset: Array  # (n, m, 3) sites minus markers [m], nan where not seen
     weights: Array  # (m,)
     gradient: Array  # (n,) largest remaining slope of the rms distance, relative to lengths
     v: Array | None = None  # (n, nv) of a smoothed motion
@@ -81,6 +81,11 @@ class Tracking:
     report: tuple[str, ...] = ()
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
     """(n, nv, nv) of the positions of each frame, for independent errors of the markers."""
+
+    @property
+    def residual(self) -> Array:
+        """The distances (n, m) of markers from their sites [m], nan where not seen."""
+        return np.linalg.norm(self.offset, axis=2)
 
     @property
     def cost(self) -> Array:
@@ -97,7 +102,9 @@ class Tracking:
         total = float(np.sqrt(np.nanmean(self.residual**2))) if self.residual.size else 0.0
         head = f"<Tracking: {counted(len(self.t), 'frame')}, {counted(len(self.markers), 'marker')}"
         head += f", rms {1000 * total:.3g} mm"
-        by_marker = np.sqrt(np.nanmean(np.where(self._seen.any(0), self.residual, 0.0) ** 2, axis=0))
+        by_marker = np.sqrt(
+            np.nanmean(np.where(self._seen.any(0), self.residual, 0.0) ** 2, axis=0)
+        )
         worst = np.argsort(-by_marker)[:3]
         parts = [f"{self.markers[i]} {1000 * by_marker[i]:.3g} mm" for i in worst]
         lines = [head, f"largest rms: {', '.join(parts)}", *self.undetermined, *self.report]
@@ -272,7 +279,9 @@ class Markers:
         for name in (*weights, *labels):
             if name not in sites:
                 text = f"there is no site {name!r}; {nearest_name(name, sites)}"
-                raise InputError(Problem("track", "weights" if name in weights else "markers", text))
+                raise InputError(
+                    Problem("track", "weights" if name in weights else "markers", text)
+                )
         for name, label in labels.items():
             if label not in trial.markers:
                 text = f"{label!r} of site {name!r} is no marker of the trial; "
@@ -485,7 +494,7 @@ class Markers:
         for order in (range(1, n), range(n - 2, -1, -1)):
             for k in order:
                 before = q[k - order.step]
-                if self._apart(before, q[k]).max(initial=0.0) > LONGEST_STEP:
+                if self._far(before, q[k]).any():
                     new, value = self.descended(before[None].copy(), np.array([k]))
                     if value[0] <= (1 + NOTABLE) * cost[k] + EPS:
                         q[k], cost[k] = new[0], value[0]
@@ -493,6 +502,12 @@ class Markers:
 
     def _apart(self, one: Array, other: Array) -> Array:
         return np.abs(apart(self.mech, one, other)) / self.scale
+
+    def _far(self, one: Array, other: Array) -> Array:
+        """Return the velocities (nv,) that jump between two positions."""
+        if np.abs(other - one).max(initial=0.0) < min(1.0, self.size) * LONGEST_STEP / 4:
+            return np.zeros(self.mech.nv, dtype=bool)  # numbers of a turn are half of its angle
+        return self._apart(one, other) > LONGEST_STEP
 
     # -- the answer ------------------------------------------------------------------------------
 
@@ -503,13 +518,13 @@ class Markers:
         P = self.free(q, g)
         slope = self._slope(P, g, H)
         seen = np.isfinite(self.place[..., 0])
-        residual = np.where(seen, np.linalg.norm(off, axis=2), np.nan)
+        residual = np.linalg.norm(off, axis=2)
         freedom = 3 * int(seen.sum()) - float(np.einsum("nii->", P))
         covariance = np.linalg.pinv(P @ H @ P, rcond=SOLVED, hermitian=True)
         covariance *= float(cost.sum()) / max(freedom, 1.0)
         report = [*self.report, *self._doubts(q, residual, slope, smooth)]
         return Tracking(
-            self.mech, self.trial, self.trial.t, q, self.names, residual, self.weight, slope,
+            self.mech, self.trial, self.trial.t, q, self.names, off, self.weight, slope,
             v, vdot, smooth, tuple(self._undetermined(H, P)), tuple(report), covariance,
         )  # fmt: skip
 
@@ -532,12 +547,12 @@ class Markers:
         if smooth is None and len(bad := np.flatnonzero(slope > GRADIENT * self.size)):
             told.append(f"not converged in {counted(len(bad), 'frame')}, first at {t[bad[0]]:g} s")
         if unseen := int((~np.isfinite(residual)).all(axis=1).sum()):
-            told.append(f"no marker is seen in {counted(unseen, 'frame')}, which stay as the last")
+            how = "stay as the last" if smooth is None else "are smooth between the others"
+            told.append(f"no marker is seen in {counted(unseen, 'frame')}, which {how}")
         listed = [name for name, _ in coordinates(self.mech)[1]]
         for k in range(1, len(q)):
-            jump = self._apart(q[k - 1], q[k])
-            if jump.max(initial=0.0) > LONGEST_STEP:
-                told.append(f"{listed[int(jump.argmax())]} jumps between {t[k - 1]:g} and {t[k]:g} "
+            if (far := self._far(q[k - 1], q[k])).any():
+                told.append(f"{listed[int(far.argmax())]} jumps between {t[k - 1]:g} and {t[k]:g} "
                             "s: a marker is perhaps exchanged or at a wrong place")  # fmt: skip
         place = self.points(q)[1]
         across = ((place[:, :, None] - self.place[:, None]) ** 2).sum(axis=3)  # site, marker

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class Plate:
     corners: Array | None = None  # (4, 3) [m]
 
     @property
-    def loaded(self) -> Array:
+    def loaded(self) -> Any:
         """A mask (m,) that is True where the plate bears a load."""
         return np.isfinite(self.point[:, 0])
 
@@ -294,7 +294,7 @@ def centre_of_pressure(force: Array, moment: Array, origin: Array, axes: Array) 
     """
     f = force @ axes
     m = (moment - np.cross(origin, force)) @ axes
-    borne: Array = np.abs(f[:, 2]) > LOADED
+    borne = np.asarray(np.abs(f[:, 2]) > LOADED)
     over = np.where(borne, f[:, 2], 1.0)
     inside = np.stack((-m[:, 1] / over, m[:, 0] / over, np.zeros(len(f))), axis=1)
     return np.where(borne[:, None], origin + inside @ axes.T, np.nan)

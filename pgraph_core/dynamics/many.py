@@ -193,7 +193,9 @@ def regressor(mech: Dynamics, q: Array, v: Array, a: Array) -> Array:
     of_torque += _cross(found.place) @ of_force  # about the world's origin
     y = np.einsum("njk,nbkp->njbp", twist[..., :3], of_torque)
     y += np.einsum("njk,nbkp->njbp", twist[..., 3:], of_force)
-    return (y * plan(packed).carried.T[None, :, :, None]).reshape(n, packed.nv, PARAMETERS * packed.nb)
+    return (y * plan(packed).carried.T[None, :, :, None]).reshape(
+        n, packed.nv, PARAMETERS * packed.nb
+    )
 
 
 def _cross(x: Array) -> Array:

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.capture.filters import moved
+from pgraph_core.capture.smoothing import _jerk
 from pgraph_core.capture.tracking import Markers, advanced
 from pgraph_core.capture.trial import Trial
 
@@ -62,7 +64,9 @@ def strides(mech, n=40):
 def same(mech, a, b):
     """The largest difference of two motions, of poses for attitudes."""
     pairs = ((mech.poses(x), mech.poses(y)) for x, y in zip(a, b))
-    return max(np.abs(np.hstack((p[0] - r[0], (p[1] - r[1]).reshape(-1, 9)))).max() for p, r in pairs)
+    return max(
+        np.abs(np.hstack((p[0] - r[0], (p[1] - r[1]).reshape(-1, 9)))).max() for p, r in pairs
+    )
 
 
 def test_markers_without_noise_give_the_motion_of_a_tree():
@@ -73,7 +77,9 @@ def test_markers_without_noise_give_the_motion_of_a_tree():
     assert np.nanmax(fit.residual) < 1e-10
     assert fit.gradient.max() < 1e-10
     assert fit.undetermined == ()
-    assert np.allclose(np.abs(np.diff(fit.q[:, :3], axis=0)).max(), np.abs(np.diff(q[:, :3], axis=0)).max())
+    assert np.allclose(
+        np.abs(np.diff(fit.q[:, :3], axis=0)).max(), np.abs(np.diff(q[:, :3], axis=0)).max()
+    )
 
 
 def four_bar():
@@ -88,6 +94,13 @@ def four_bar():
     )
     marks = sites("crank", "coupler", "rocker")
     return pg.Mechanism(pg.Model(bodies=[crank, coupler, rocker], constraints=[close], sites=marks))
+
+
+def opened(mech, q):
+    """The largest distance of the two ends of the four-bar's loop."""
+    ends = [(mech.pose(x, "coupler").place((0.7, 0, 0)), mech.pose(x, "rocker").place((0.5, 0, 0)))
+            for x in q]  # fmt: skip
+    return max(np.linalg.norm(a - b) for a, b in ends)
 
 
 def turned_crank(mech, n=30):
@@ -108,9 +121,7 @@ def test_markers_without_noise_give_the_motion_of_a_loop():
     assert same(mech, fit.q, q) < 1e-10
     noisy = pg.track(mech, trial_of(mech, q, noise=0.005))
     # loops stay closed, to rounding, where markers would open them
-    gaps = [np.linalg.norm(mech.pose(x, "coupler").place((0.7, 0, 0))
-                           - mech.pose(x, "rocker").place((0.5, 0, 0))) for x in noisy.q]  # fmt: skip
-    assert max(gaps) < 1e-11
+    assert opened(mech, noisy.q) < 1e-11
     assert noisy.gradient.max() < 1e-9
 
 
@@ -172,7 +183,9 @@ def test_what_markers_do_not_show_is_named_and_stays():
     assert_names(repr(fit), "3 directions", "shank l", "arm.0", "arm.1", "sites without a marker")
     assert np.ptp(fit.q[:, mech.joints["shank l"].q]) < 1e-12
     few = [x for x in names if x not in ("shank r.a", "shank r.b", "shank r.c")]
-    assert_names(pg.track(mech, trial_of(mech, strides(mech, 5), sites=few)).undetermined[0], "shank r")
+    assert_names(
+        pg.track(mech, trial_of(mech, strides(mech, 5), sites=few)).undetermined[0], "shank r"
+    )
 
 
 def test_exchanged_markers_are_named():
@@ -232,3 +245,51 @@ def test_a_table_of_the_fit_has_units(tmp_path):
     assert (tmp_path / "ik.csv").read_text() == fit.to_csv()
     again = pg.read_trial(tmp_path / "ik.csv")
     assert np.allclose(again.coordinates["shank l"], fit.q[:, mech.joints["shank l"].q.start])
+
+
+def test_smoothing_gives_velocities_and_accelerations_of_noisy_markers():
+    """The weight by cross-validation; errors of accelerations are a hundredth of differences'."""
+    mech, t = walker(), np.arange(80) / 100
+    q = strides(mech, 80)
+    fit = pg.track(mech, trial_of(mech, q, noise=0.001), smooth=True)
+    alone = pg.track(mech, trial_of(mech, q, noise=0.001))
+    _, v, a = moved(mech, t, q, np.inf, 1)
+    _, rough, rougher = moved(mech, t, alone.q, np.inf, 1)
+    middle = slice(10, -10)
+    rms = lambda x: float(np.sqrt(np.mean(x[middle] ** 2)))  # noqa: E731
+    assert rms(fit.v - v) < 0.2 * rms(rough - v)
+    assert rms(fit.vdot - a) < 0.02 * rms(rougher - a)
+    assert 0 < fit.smooth < np.inf
+
+
+def test_a_smoothed_motion_is_the_least_of_its_sum():
+    mech = walker()
+    trial, rng = trial_of(mech, strides(mech, 20), noise=0.002), np.random.default_rng(0)
+    fit = pg.track(mech, trial, smooth=1e-8)
+    problem, frames = Markers.of(mech, trial, None, None), np.arange(20)
+
+    def total(q):
+        return problem.normal(q, frames)[0].sum() + 1e-8 * (_jerk(problem, q)[0] ** 2).sum()
+
+    least = total(fit.q)
+    for size in (1e-2, 1e-4, 1e-5):
+        step = size * rng.normal(size=(20, mech.nv))
+        assert total(advanced(mech, fit.q, step)) > least
+    # the derivative of the penalty, whose attitudes turn far between frames
+    h, way = 1e-6, rng.normal(size=(20, mech.nv))
+    ends = [_jerk(problem, advanced(mech, fit.q, s * way))[0] for s in (h, -h)]
+    slope = _jerk(problem, fit.q)[1] @ way.ravel()
+    assert np.abs((ends[0] - ends[1]) / (2 * h) - slope).max() < 1e-6 * np.abs(slope).max()
+
+
+def test_smoothing_passes_over_frames_without_markers_and_keeps_loops():
+    mech = four_bar()
+    q = turned_crank(mech)
+    trial = trial_of(mech, q)
+    for x in trial.markers.values():
+        x[12:15] = np.nan
+    fit = pg.track(mech, trial, smooth=1e-15)
+    assert np.abs(fit.q - q).max() < 1e-3
+    assert opened(mech, fit.q) < 1e-11
+    few = trial_of(mech, q[:5])
+    assert_names(str(refusal(lambda: pg.track(mech, few, smooth=True))), "smooth", "8 frames", "5")

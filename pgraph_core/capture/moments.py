@@ -1,0 +1,490 @@
+"""Joint moments of a tracked motion with force plates, and their 95 % band.
+
+M v' + C = τ + Jᵀ w of the plates. The band has the errors of markers, which the residuals of the
+tracking show with their correlation in time, carried through the filter and the dynamics to first
+order; and the effect of a cut-off frequency that is 1 Hz higher or lower, beyond what noise alone
+explains.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+
+from ..analysis.mobility import complement, judged
+from ..analysis.rows import Rows
+from ..dynamics.arguments import wrong_type
+from ..dynamics.many import motions, plan, torques
+from ..errors import InputError, Problem, choices, counted, explained, nearest_name, needed, shown
+from ..mechanism import Mechanism, mechanism_of
+from ..model import Model
+from ..result.columns import Column, coordinates
+from ..tolerances import NOTABLE, step_of_differences
+from .filters import Sampled, checked, moved, operators
+from .tracking import Progress, Stopped, Tracking, advanced, tell, to_csv
+from .trial import Array, Plate, Trial
+
+WIDE = NormalDist().inv_cdf(0.975)  # standard errors of a 95 % band
+BESIDE = 1  # [Hz] by which the cut-off of the band differs
+
+
+@explained
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Joint moments of a tracked motion, with the forces that a root would have to bear.
+
+    `print(loads)` tells which plate bears which body, and the residuals of the root.
+    """
+
+    mechanism: Mechanism
+    t: Array  # (n,) [s]
+    q: Array  # (n, nq) filtered
+    v: Array  # (n, nv)
+    vdot: Array  # (n, nv)
+    torque: Array  # (n, nv) [N m, N] by velocity
+    names: tuple[str, ...]  # of the velocities, or of outputs of their joint
+    low: Array | None  # (n, nv) lower and upper end of the 95 % band
+    high: Array | None
+    external: Array  # (n, nb, 6) [torque, force] of plates on bodies at their origins, world axes
+    residual: tuple[str, ...]  # names of root coordinates, which nothing drives
+    share: Array  # (n, r) their forces over the weight, and torques over weight times length
+    bears: Mapping[str, tuple[tuple[str, float, float, float], ...]]
+    """{plate: ((body, start [s], end [s], mean distance [m]), ...)}."""
+    report: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        lines = [f"<Moments: {counted(len(self.t), 'frame')}, {counted(len(self.names), 'torque')}"]
+        for plate, spells in self.bears.items():
+            for body, start, end, far in spells:
+                lines.append(f"{plate} bears {body} from {start:.3g} to {end:.3g} s, "
+                             f"{far:.2g} m from its nearest point")  # fmt: skip
+        for name, x in zip(self.residual, np.abs(self.share).T):
+            lines.append(f"residual of {name}: {100 * np.sqrt(np.mean(x**2)):.3g} % rms, "
+                         f"{100 * x.max(initial=0.0):.3g} % at most, of the weight")  # fmt: skip
+        return "\n  ".join((*lines, *self.report)) + ">"
+
+    def columns(self) -> dict[str, Array]:
+        """Return t, the torques, "NAME.low" and "NAME.high" of the band, and the shares of the
+        weight "residual.NAME", as {name: (n,)}."""
+        return {name: column.values for name, column in self._columns().items()}
+
+    def _columns(self) -> dict[str, Column]:
+        found = {"t": Column("s", self.t)}
+        units = ["N m" if unit == "rad" else "N" for _, unit in coordinates(self.mechanism)[1]]
+        for i, (name, unit) in enumerate(zip(self.names, units)):
+            found[name] = Column(unit, self.torque[:, i])
+            for end, values in (("low", self.low), ("high", self.high)):
+                if values is not None:
+                    found[f"{name}.{end}"] = Column(unit, values[:, i])
+        shares = zip(self.residual, self.share.T)
+        return found | {f"residual.{name}": Column("1", x) for name, x in shares}
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a column (n,)."""
+        columns = self.columns()
+        if name not in columns:
+            text = f"there is no column {name!r}; {nearest_name(name, columns)}"
+            raise InputError(Problem("moments", "", text))
+        return columns[name]
+
+    def to_csv(self, path: str | Path | None = None, /) -> str:
+        """Return the columns as CSV text with units, and write it to a path if one is given."""
+        return to_csv(self._columns(), path)
+
+    def plot(self, *names: str) -> Any:
+        """A matplotlib figure of torques with their bands. Raises MissingPackage."""
+        chosen = names or self.names
+        figure, panels = needed("matplotlib.pyplot", "plot").subplots(
+            len(chosen), 1, squeeze=False, sharex=True
+        )
+        for name, panel in zip(chosen, panels[:, 0]):
+            panel.plot(self.t, self[name])
+            if self.low is not None:
+                panel.fill_between(self.t, self[f"{name}.low"], self[f"{name}.high"], alpha=1 / 4)
+            panel.set(ylabel=name)
+        return figure
+
+
+@explained
+def joint_moments(
+    mechanism: Model | Mechanism,
+    fit: Tracking | Trial,
+    *,
+    plates: str | Mapping[str, str] = "auto",
+    cutoff: float | None = None,
+    order: int = 3,
+    band: bool = False,
+    actuated: Sequence[str] | None = None,
+    progress: Progress = None,
+) -> Moments | None:
+    """Compute the joint moments of a motion, with the forces of its plates.
+
+    Parameters
+    ----------
+    mechanism : Model or Mechanism
+        The model that was tracked, in one piece or with closed loops.
+    fit : Tracking or Trial
+        The motion: of `pg.track`, or of a trial with columns of coordinates.
+    plates : "auto" or dict
+        Bodies that plates bear, {"plate 1": "foot_r"}. By default, each loaded spell of a plate
+        belongs to the body whose sites, or tip, are nearest to the centre of pressure meanwhile.
+    cutoff : float, optional
+        Cut-off frequency of the filter [Hz], by default 6 Hz; float("inf") for none. A smoothed
+        motion is not filtered by default.
+    order : int
+        Order of the filter, which acts forward and backward.
+    band : bool
+        Whether to compute the 95 % band, of the errors of markers that residuals show, and of a
+        cut-off 1 Hz higher or lower.
+    actuated : sequence of str, optional
+        With closed loops, names of the bodies whose joints have torques. By default, all.
+    progress : callable, optional
+        Function of the completed fraction. The call stops if it returns False.
+
+    Returns
+    -------
+    Moments
+        `torque`, the band `low` and `high`, `share` of the residual in the weight. None if it was
+        stopped.
+
+    Raises
+    ------
+    InputError
+        If the motion is too short for the filter, or an argument is invalid.
+
+    Examples
+    --------
+        loads = pg.joint_moments(model, fit, plates={"plate 1": "foot_r"}, cutoff=6, band=True)
+        loads.to_csv("id.csv")
+    """
+    mech = mechanism_of(mechanism, "joint_moments")
+    trial = fit.trial if isinstance(fit, Tracking) else fit
+    if not isinstance(trial, Trial):
+        raise wrong_type("joint_moments", "fit", "of pg.track or a pg.Trial", fit)
+    q = fit.q if isinstance(fit, Tracking) else trial.with_up(mech.model.up).positions(mech)
+    if q.shape != (len(trial.t), mech.nq):
+        text = f"has {q.shape[1]} coordinates, and the model {mech.nq}: is it of this model?"
+        raise InputError(Problem("joint_moments", "fit", text))
+    if band and (not isinstance(fit, Tracking) or len(mech.packed.active) or fit.v is not None):
+        text = "needs a motion of pg.track that is not smoothed, of a model without closed loops"
+        raise InputError(Problem("joint_moments", "band", f"{text}; give band=False"))
+    own = fit if isinstance(fit, Tracking) else None
+    smooth = own is not None and own.v is not None
+    frequency = checked(cutoff, order, smooth)
+    t, report = trial.t, list[str]()
+    try:
+        if np.isinf(frequency) and own and own.v is not None and own.vdot is not None:
+            sampled = Sampled(q, own.v, own.vdot)
+        else:
+            sampled = moved(mech, t, q, frequency, order)
+        if np.isfinite(frequency) and len(t) // 2 < (len(t) - 1) / (t[-1] - t[0]) / frequency:
+            report.append("the trial is shorter than two periods of the cut-off frequency, so that "
+                          "its ends are in doubt")  # fmt: skip
+        tell(progress, 1 / 4)
+        whose = _borne(mech, trial.with_up(mech.model.up), sampled.x, plates, report)
+        loads = _Loads(mech, t, trial.with_up(mech.model.up).plates, whose)
+        tau = loads.torques(sampled)
+        if len(mech.packed.active):
+            sampled, tau = _in_loops(mech, loads, sampled, actuated)
+        elif actuated is not None:
+            text = "is for closed loops; every joint of a tree has the torque that it needs"
+            raise InputError(Problem("joint_moments", "actuated", text))
+        tell(progress, 1 / 2)
+        low = high = None
+        if band and own:
+            half = _half_width(loads, own, sampled, frequency, order, progress)
+            low, high = tau - half, tau + half
+        tell(progress, 1.0)
+    except Stopped:
+        return None
+    names, root = _names(mech), _root(mech)
+    weight = sum(b.mass for b in mech.model.bodies) * float(np.linalg.norm(mech.model.gravity))
+    arm = np.where(mech.packed.slides, 1.0, mech.packed.length)[root]
+    share = tau[:, root] / (arm * weight) if weight else np.zeros((len(t), len(root)))
+    return Moments(
+        mech, t, *sampled, tau, names, low, high, loads.external(sampled.x),
+        tuple(names[i] for i in root), share, loads.told(sampled.x), tuple(report),
+    )  # fmt: skip
+
+
+def _names(mech: Mechanism) -> tuple[str, ...]:
+    """Return a name for each velocity: of an output of its coordinate, or of its joint."""
+    positions, speeds = coordinates(mech)
+    of_q, of_v = plan(mech.packed).plain
+    of_outputs = {}
+    for o in mech.model.outputs:
+        if o.kind == "joint_position" and o.at in mech.joints:
+            j = mech.joints[o.at]
+            if j.q.stop - j.q.start == j.v.stop - j.v.start:
+                of_outputs[j.v.start + o.coordinate] = o.name
+    return tuple(of_outputs.get(i, name) for i, (name, _) in enumerate(speeds))
+
+
+def _root(mech: Mechanism) -> list[int]:
+    """Return the velocities of joints to the ground that can move along, so that nothing drives
+    them."""
+    found = []
+    for name, joint in mech.joints.items():
+        to_ground = mech.topology.parent[mech.topology.number(name) - 1] == 0
+        several = joint.v.stop - joint.v.start > 2
+        if to_ground and several and mech.packed.slides[joint.v].any():
+            found += range(joint.v.start, joint.v.stop)
+    return found
+
+
+# -- plates ----------------------------------------------------------------------------------------
+
+
+@dataclass
+class _Loads:
+    """The plates' wrenches on bodies."""
+
+    mech: Mechanism
+    t: Array
+    plates: tuple[Plate, ...]
+    whose: dict[str, Array]  # {plate: (n,)} index of the body in each frame, -1 without load
+
+    def __post_init__(self) -> None:
+        self.wrench = {p.name: p.wrench(self.t) for p in self.plates if p.name in self.whose}
+
+    def external(self, q: Array) -> Array:
+        """Return the loads (n, nb, 6) at the bodies' origins."""
+        n, nv = len(q), self.mech.nv
+        found = np.zeros((n, self.mech.nb, 6))
+        if not self.wrench:
+            return found
+        none = np.zeros((n, nv))
+        place = motions(self.mech.packed, q, none, none).place
+        for name, wrench in self.wrench.items():
+            body = np.tile(self.whose[name], n // len(self.t))
+            k = np.flatnonzero(body >= 0)
+            wrench = np.tile(wrench, (n // len(self.t), 1))[k]
+            at = place[k, body[k]]
+            found[k, body[k], :3] += wrench[:, :3] - np.cross(at, wrench[:, 3:])
+            found[k, body[k], 3:] += wrench[:, 3:]
+        return found
+
+    def torques(self, sampled: Sampled) -> Array:
+        """Return the torques (n, nv) of the tree."""
+        return torques(self.mech, *sampled, self.external(sampled.x))
+
+    def told(self, q: Array) -> dict[str, tuple[tuple[str, float, float, float], ...]]:
+        """Return which plate bears which body, when, and how far from it."""
+        found = {}
+        by_name = {p.name: p for p in self.plates}
+        for name, body in self.whose.items():
+            apart, spells = _distances(self.mech, self.t, q, by_name[name]), []
+            for spell in _spells(np.where(np.isfinite(apart).any(axis=1), body, -1)):
+                b = int(body[spell[0]])
+                far = (
+                    float(np.nanmean(apart[spell, b]))
+                    if np.isfinite(apart[spell, b]).any()
+                    else 0.0
+                )
+                spells.append((self.mech.names[b], float(self.t[spell[0]]),
+                               float(self.t[spell[-1]]), far))  # fmt: skip
+            found[name] = tuple(spells)
+        return found
+
+
+def _spells(body: Array) -> list[Array]:
+    """Return the frames of each spell with one body."""
+    cuts = np.flatnonzero(np.diff(body)) + 1
+    parts = np.split(np.arange(len(body)), cuts)
+    return [part for part in parts if len(part) and body[part[0]] >= 0]
+
+
+def _distances(mech: Mechanism, t: Array, q: Array, plate: Plate) -> Array:
+    """Return the distances (n, nb) of the centre of pressure from the nearest point of each body,
+    inf for bodies without a site or a tip, and nan without a load."""
+    none = np.zeros((len(q), mech.nv))
+    found = motions(mech.packed, q, none, none)
+    where = np.stack(
+        [np.interp(t, plate.t[plate.loaded], x) for x in plate.point[plate.loaded].T], 1
+    )
+    borne = np.interp(t, plate.t, plate.loaded.astype(float), 0.0, 0.0) >= 1 / 2
+    apart = np.full((len(t), mech.nb), np.inf)
+    points = [(mech.topology.number(s.body) - 1, s.point) for s in mech.model.sites]
+    points += [(int(tip) - 1, mech.model.body(mech.names[tip - 1]).tip_point) for tip in mech.tips]
+    for b, point in points:
+        if b >= 0:
+            at = found.place[:, b] + found.turn[:, b] @ np.array(point)
+            apart[:, b] = np.minimum(apart[:, b], np.linalg.norm(at - where, axis=1))
+    return np.where(borne[:, None], apart, np.nan)
+
+
+def _borne(
+    mech: Mechanism, trial: Trial, q: Array, plates: Any, report: list[str]
+) -> dict[str, Array]:
+    """Return the index of the body that each plate bears in each frame, -1 without load."""
+    known = {p.name: p for p in trial.plates}
+    given = {} if plates == "auto" else plates
+    if not isinstance(given, Mapping):
+        text = f"must be 'auto' or a dict such as {{'plate 1': 'foot_r'}}, got {shown(plates)}"
+        raise InputError(Problem("joint_moments", "plates", text))
+    for name, body in given.items():
+        if name not in known:
+            text = f"there is no plate {name!r}; {nearest_name(str(name), known)}"
+            raise InputError(Problem("joint_moments", "plates", text))
+        if body not in mech.names:
+            text = f"{body!r} of {name!r} is no body; {nearest_name(str(body), mech.names)}"
+            raise InputError(Problem("joint_moments", "plates", text))
+    if not known:
+        report.append("no force plates: the root bears all")
+    found: dict[str, Array] = {}
+    for name, plate in known.items():
+        if name in given:
+            number = mech.topology.number(given[name]) - 1
+            found[name] = np.full(len(trial.t), number)
+            continue
+        if plates != "auto":
+            report.append(f"{name} is given no body, and left out")
+            continue
+        found[name] = body = np.full(len(trial.t), -1)
+        if not plate.loaded.any():
+            continue
+        apart = _distances(mech, trial.t, q, plate)
+        push = np.linalg.norm(plate.wrench(trial.t)[:, 3:], axis=1)
+        for spell in _spells(np.where(np.isfinite(apart).any(axis=1), 0, -1)):
+            mean = push[spell] @ np.where(np.isfinite(apart[spell]), apart[spell], np.inf)
+            body[spell] = best = int(np.argmin(mean))
+            nearest = np.nanargmin(apart[spell], axis=1)
+            for b in {int(b) for b in nearest} - {best}:
+                share = push[spell][nearest == b].sum() / push[spell].sum()
+                if share > 1 / 4 and _rigid(mech, b) != _rigid(mech, best):
+                    names = f"{mech.names[b]} as well as {mech.names[best]}"
+                    start = float(trial.t[spell[0]])
+                    report.append(f"{name} perhaps bears {names}, from {start:.3g} s")
+        spread = np.flatnonzero(body >= 0)  # below the threshold, the last or next body bears it
+        if len(spread):
+            nearest = spread[np.abs(np.arange(len(body))[:, None] - spread).argmin(axis=1)]
+            found[name] = body[nearest]
+    return found
+
+
+def _rigid(mech: Mechanism, b: int) -> int:
+    """Return the first body that moves as this one does."""
+    moves = plan(mech.packed).carried
+    return int(np.flatnonzero((moves == moves[b]).all(axis=1))[0])
+
+
+# -- closed loops ----------------------------------------------------------------------------------
+
+
+def _in_loops(
+    mech: Mechanism, loads: _Loads, sampled: Sampled, actuated: Sequence[str] | None
+) -> tuple[Sampled, Array]:
+    """Return the nearest motion that loops permit, and its torques of least norm.
+
+    With N the permitted velocities, Nᵀ τ = Nᵀ r, as in `constrained_inverse_dynamics` with
+    `nearest=True`.
+    """
+    chosen = np.arange(mech.nv)
+    if actuated is not None:
+        for name in actuated:
+            if name not in mech.joints:
+                text = f"no joint that moves belongs to {shown(name)}; choose from "
+                raise InputError(Problem("joint_moments", "actuated", text + choices(mech.joints)))
+        spans = [mech.joints[name].v for name in actuated]
+        chosen = np.unique(np.concatenate([np.arange(s.start, s.stop) for s in spans]))
+    base, states, ways = Rows.of(mech, mech.packed.active, sampled.x[0]), [], []
+    for q, v, a in zip(*sampled):
+        q, v, _ = mech.assemble(q, v)
+        a, _ = mech._constrained_acceleration(q, v, mech._tree_torque(q, v, a))
+        ways.append(complement(judged(rows := base.at(q, v))[0], mech.nv))
+        ways[-1] = rows.step(ways[-1])
+        states.append((q, v, a))
+    sampled = Sampled(*(np.array(x) for x in zip(*states)))
+    force = loads.torques(sampled)
+    tau = np.zeros_like(force)
+    for k, free in enumerate(ways):
+        tau[k, chosen] = np.linalg.lstsq(free[chosen].T, free.T @ force[k], rcond=None)[0]
+        left = np.abs(free.T @ (force[k] - tau[k])).max(initial=0.0)
+        if left > NOTABLE * np.abs(free.T @ force[k]).max(initial=0.0):
+            text = f"the torques of {choices(actuated or mech.joints, 6)} cannot move the loops at "
+            text += f"t = {loads.t[k]:g} s; name more joints"
+            raise InputError(Problem("joint_moments", "actuated", text))
+    return sampled, tau
+
+
+# -- the band --------------------------------------------------------------------------------------
+
+
+def _half_width(
+    loads: _Loads,
+    fit: Tracking,
+    sampled: Sampled,
+    cutoff: float,
+    order: int,
+    progress: Progress,
+) -> Array:
+    """Return the half width (n, nv) of the 95 % band."""
+    mech, t = loads.mech, loads.t
+    slopes, alike = _slopes(loads, sampled), _alike(fit)
+    variance = _variance(slopes, operators(t, cutoff, order), fit.covariance, alike)
+    tell(progress, 3 / 4)
+    if np.isinf(cutoff):
+        return WIDE * np.sqrt(variance)
+    most = (len(t) - 1) / (t[-1] - t[0]) / 2
+    ends = max(cutoff - BESIDE, cutoff / 2), min(cutoff + BESIDE, (cutoff + most) / 2)
+    low, high = (loads.torques(moved(mech, t, fit.q, end, order)) for end in ends)
+    pair = [operators(t, end, order) for end in ends]
+    apart = Sampled(*((b - a) / 2 for a, b in zip(*pair)))
+    noise = _variance(slopes, apart, fit.covariance, alike)
+    return np.sqrt(WIDE**2 * variance + np.maximum((high - low) ** 2 / 4 - noise, 0.0))
+
+
+def _alike(fit: Tracking) -> Array:
+    """Return the correlation (n, n) of errors in two frames, by the residuals of all markers.
+
+    It depends on the distance in time alone. An offset that stays is alike in all frames.
+    """
+    seen = np.isfinite(fit.offset[..., 0])
+    off = np.where(seen[..., None], fit.offset, 0.0) * np.sqrt(fit.weights)[:, None]
+    found = np.zeros(len(off))
+    for lag in range(len(off)):
+        pairs = (seen[lag:] & seen[: len(seen) - lag]).sum()
+        found[lag] = (off[lag:] * off[: len(off) - lag]).sum() / max(pairs, 1)
+    found = found / found[0] if found[0] > 0.0 else np.eye(1, len(off))[0]
+    return found[np.abs(np.subtract.outer(np.arange(len(off)), np.arange(len(off))))]
+
+
+def _slopes(loads: _Loads, sampled: Sampled) -> tuple[Array, Array, Array]:
+    """Return ∂τ/∂q, ∂τ/∂v and M (n, nv, nv) by central differences, in displacements along v."""
+    mech, (q, v, a) = loads.mech, sampled
+    n, nv = len(q), mech.nv
+    h = step_of_differences(2)
+    each = np.repeat(np.eye(nv), n, axis=0)  # (nv n, nv)
+    far = [np.tile(x, (nv, 1)) for x in (q, v, a)]
+
+    def by(change: Any) -> Array:
+        ends = [loads.torques(change(side)) for side in (h, -h)]
+        return ((ends[0] - ends[1]) / (2 * h)).reshape(nv, n, nv).transpose(1, 2, 0)
+
+    return (
+        by(lambda s: Sampled(advanced(mech, far[0], s * each), far[1], far[2])),
+        by(lambda s: Sampled(far[0], far[1] + s * each, far[2])),
+        by(lambda s: Sampled(far[0], far[1], far[2] + s / h * each)) * h,
+    )
+
+
+def _variance(
+    slopes: tuple[Array, Array, Array], by: Sampled, covariance: Array, alike: Array
+) -> Array:
+    """Return the variances (n, nv) of torques.
+
+    Those of positions (n, nv, nv), and their correlation `alike` (n, n) between frames, pass
+    through the filter, and through the dynamics at each frame.
+    """
+    found = np.zeros(slopes[0].shape[:2])
+    for one, of_one in zip(slopes, by):
+        spread = one @ covariance
+        for other, of_other in zip(slopes, by):
+            size = ((of_one @ alike) * of_other).sum(axis=1)
+            found += size[:, None] * (spread * other).sum(axis=2)
+    return np.maximum(found, 0.0)
