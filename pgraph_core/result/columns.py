@@ -111,8 +111,11 @@ def _bodies(run: Any) -> dict[str, Column]:
 def _forces(run: Any) -> dict[str, Column]:
     """Return the columns for constraints, contacts, drives, limits and phases."""
     found: dict[str, Column] = {}
+    kinds = {c.name: c.kind for c in run.mechanism.model.constraints}
     for name, force in run.constraint_force.items():
         found |= _along_axes(f"constraint_force.{name}", force)
+        if kinds.get(name) != "point":  # a point transmits no torque
+            found |= _about_axes(f"constraint_torque.{name}", force)
     for name, cam in run.cams.items():
         found[f"pressure_angle.{name}"] = Column("rad", cam.pressure_angle)
         found[f"normal_force.{name}"] = Column("N", cam.normal_force)
@@ -138,6 +141,11 @@ def _forces(run: Any) -> dict[str, Column]:
 def _along_axes(name: str, wrench: Array) -> dict[str, Column]:
     """Return the forces in wrenches (n, 6), one column per axis."""
     return {f"{name}.{axis}": Column("N", wrench[:, 3 + i]) for i, axis in enumerate("xyz")}
+
+
+def _about_axes(name: str, wrench: Array) -> dict[str, Column]:
+    """Return the torques in wrenches (n, 6), one column per axis."""
+    return {f"{name}.{axis}": Column("N m", wrench[:, i]) for i, axis in enumerate("xyz")}
 
 
 def coordinates(mech: Mechanism) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:

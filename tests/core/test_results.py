@@ -284,3 +284,20 @@ def test_a_run_has_its_model_and_names_what_makes_films(tmp_path):
     assert run.model == model
     with pytest.raises(pg.FileError, match="to_film"):
         run.save(tmp_path / "run.mp4")
+
+
+def test_the_torque_of_a_constraint_has_columns_unless_it_is_a_point():
+    arm = pg.Body(name="arm", axes=[(0, 1, 0)], mass=1, com=(0, 0, -1), inertia=(1, 1, 1), q=(0.5,))
+    held = pg.Motion(name="hold", body="arm", q_of_t="=0.5")
+    run = pg.simulate(pg.Model(bodies=[arm]).add(held), t_end=0.1)
+    weight = 9.81 * np.sin(0.5)
+    assert abs(run["constraint_torque.hold.y"][-1]) == pytest.approx(weight, rel=1e-6)
+    assert "constraint_torque.hold.x" in run.columns()
+    pinned = pg.Point(
+        name="pin",
+        body="arm",
+        point=(0, 0, -1),
+        other_point=(-0.479425538604203, 0, -0.8775825618903728),
+    )
+    run = pg.simulate(pg.Model(bodies=[arm]).add(pinned), t_end=0.1)
+    assert not any(name.startswith("constraint_torque") for name in run.columns())
