@@ -43,6 +43,7 @@ from . import (
     typed_as,
 )
 from .gains import GROUND, gains
+from .muscles import lengths
 from .places import Places
 
 ALL_ON_GROUND = "* on ground"  # picked: a contact of every body with the ground
@@ -54,6 +55,8 @@ KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind", "outpu
 MAKE: dict[str, Any] = {
     "constraints": pg.Constraint, "contacts": pg.Contact, "forces": pg.Force,
 }  # fmt: skip
+# numbers of a new part that fit the place where it is put
+FITTED = {"servo": lambda model, body, _: gains(model, body), "muscle": lengths}
 CONTROLS: dict[str, Any] = pg.Control.KINDS
 
 
@@ -140,7 +143,8 @@ def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict
     if cables.leads(kind):
         return cables.begun(model, kind, [cables.station(model, x) for x in (body, other)])
     own = MAKE[part].begun if part == "contacts" else MAKE[part].KINDS[kind].begun
-    return {**own(model, body, other), **(gains(model, body) if kind == "servo" else {})}
+    fitted = FITTED.get(kind)
+    return {**own(model, body, other), **(fitted(model, body, other) if fitted else {})}
 
 
 def _reading(model: pg.Model, kind: str, body: str) -> dict[str, Any]:

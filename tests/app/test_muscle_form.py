@@ -1,6 +1,7 @@
 """The form of a muscle: its excitation over time, its model, and the numbers of its curves."""
 
 import numpy as np
+import pytest
 
 import pgraph_core as pg
 from pgraph_app.constraints.view import between, constraints, form
@@ -35,6 +36,13 @@ def fields(state):
 def test_a_new_muscle_pulls_from_the_first_body_to_the_other():
     (muscle,) = led().model.forces
     assert (muscle.kind, muscle.body, muscle.other) == ("muscle", "forearm", "upper")
+
+
+def test_a_new_muscle_fits_between_its_ends():
+    (muscle,) = led().model.forces
+    run = pg.simulate(led().model.edit("forearm", inertia=(0.01, 0.01, 0.01)), t_end=0.01)
+    assert muscle.l_opt + muscle.l_slack == pytest.approx(run.path_length[muscle.name][0], rel=5e-3)
+    assert run.tension[muscle.name][0] < 0.05 * muscle.f_max
 
 
 def test_an_excitation_is_a_number_a_table_or_an_expression():
