@@ -109,7 +109,7 @@ def _of_joint(
         if motion.kind in AXIAL:
             turns = not slides(motion)
             far = math.pi if turns else reach
-            label = f"{'about' if turns else 'along'} {_axis(motion, number, len(body.sequence))}"
+            label = _label(motion, turns, number, len(body.sequence))
             label = "on track" if motion.track else label
             near = 2 * math.pi * round(float(x[0]) / (2 * math.pi)) if turns and not limit else 0.0
             low, high = (near - far if low is None else low), (near + far if high is None else high)
@@ -123,14 +123,14 @@ def _of_joint(
             yield f"along {axis}", float(value), *far, 0.0, "m"
 
 
-def _axis(motion: Motion, number: int, count: int) -> str:
-    """Return a name of the axis of one of `count` motions: "z", or "its axis" or "axis 2" if it is
-    oblique."""
+def _label(motion: Motion, turns: bool, number: int, count: int) -> str:
+    """Return a short name of one of `count` motions about or along an axis: "about z", or "angle",
+    "travel" or "axis 2" if it is oblique."""
     axis = np.asarray(motion.axis)
     for name, unit in zip("xyz", np.eye(3)):
         if np.allclose(axis / np.linalg.norm(axis), unit):
-            return name
-    return "its axis" if count == 1 else f"axis {number}"
+            return f"{'about' if turns else 'along'} {name}"
+    return f"axis {number}" if count > 1 else "angle" if turns else "travel"
 
 
 def moved(body: pg.Body, q: np.ndarray, index: int, value: float) -> np.ndarray:

@@ -493,9 +493,9 @@ def test_the_functions_of_a_track_are_typed(state):
     ("axes", "labels"),
     [
         ([(0, 0, 1)], ["about z"]),
-        ([(0, 0, -2)], ["about its axis"]),
-        ([(-0.06, 0.002, 0.998)], ["about its axis"]),
-        ([(1, 0, 0), (0, 1, 1)], ["about x", "about axis 2"]),
+        ([(0, 0, -2)], ["angle"]),
+        ([(-0.06, 0.002, 0.998)], ["angle"]),
+        ([(1, 0, 0), (0, 1, 1)], ["about x", "axis 2"]),
     ],
 )
 def test_a_coordinate_is_called_by_its_axis(axes, labels):
