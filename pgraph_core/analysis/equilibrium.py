@@ -19,6 +19,7 @@ from ..dynamics import Dynamics
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
 from ..engine import motion
 from ..errors import InputError, Problem, choices, shown
+from ..forces import BetweenPoints
 from ..model import Cable, Wrench
 from ..packing import Array, Drives
 from ..tolerances import (
@@ -96,12 +97,14 @@ class Place(Balance):
 
     @property
     def has_energy(self) -> bool:
-        """Return True if every force has an energy. Body torques and follower forces have none."""
+        """Return True if every force has an energy. Body torques, follower forces and what pulls
+        along a path by an input have none."""
         wrenches = [f for f in self.forces if isinstance(f, Wrench)]
         balls = np.zeros(self.mech.nv, dtype=bool)
         for _, _, j in self.mech.packed.quaternions:
             balls[j : j + 3] = True
-        if len(self.loads.signals[1]):
+        pulls = any(isinstance(f, BetweenPoints) and not f.PASSIVE for f in self.forces)
+        if pulls or len(self.loads.signals[1]):
             return False
         return not np.any(self.motor_torque[balls]) and not any(
             np.any(_first(f.torque)) or (f.frame == "body" and np.any(_first(f.force)))

@@ -302,7 +302,8 @@ def own_participant(task: Task, name: str, settings: tuple[Setting, ...]) -> Par
 def start(mech: Mechanism, scenario: str | None, q: Any, v: Any) -> tuple[Array, Array]:
     """Return the initial state from the arguments, the scenario or the model, in that order."""
     given = None if scenario is None else mech.model.scenario(scenario)
-    return initial_state(mech, given, q, v)
+    q, v = initial_state(mech, given, q, v)
+    return q[: mech.nq], v[: mech.nv]  # runs find the states of controls themselves
 
 
 # -- other engines: installed peers as participants, a sentence for the others ---------------------

@@ -103,3 +103,17 @@ def test_a_linear_actuator_refuses_limits_beside_gains_of_the_motion():
         ({"input": 2.0, "input_high": 1.0}, "input", "2", "from -inf to 1"),
     ):
         assert_names(str(refusal(partial(driven, **law))), "'cylinder'", *facts)
+
+
+@pytest.mark.parametrize("q", [-0.3, -0.04, 0.1, 0.3, 0.5])
+def test_an_arm_is_in_equilibrium_where_an_actuator_holds_it(q):
+    """The force of an input has no energy that a search could lower."""
+    arm = pg.Body(
+        name="arm", axes=[(0, 1, 0)], mass=1, com=(0, 0, -0.2), inertia=(0.02, 0.02, 0.01)
+    )
+    jack = pg.LinearActuator(name="jack", body="arm", point=(0, 0, -0.1), input=2, gain=3,
+                             other_point=(-0.05, 0, 0.15))  # fmt: skip
+    mech = pg.Mechanism(pg.Model(bodies=[arm], forces=[jack]))
+    found = mech.equilibrium([q]).q
+    wanted = -mech.moment_arms(found)[0, 0] * 6.0
+    assert 9.81 * 0.2 * np.sin(found[0]) == pytest.approx(wanted, rel=1e-6)
