@@ -85,7 +85,7 @@ class InputOfStates(NamedTuple):
 
     def acts(self) -> tuple[str, int, float]:
         """Raise InputError: one step has no derivatives by a number of a program."""
-        text = f"is the {self.force.INPUT} of a {self.force.word()}, by which one step has no "
+        text = f"is the {self.force.INPUT} of a {self.force.kind}, by which one step has no "
         text += "derivatives; use "
         text += f"simulate(inputs={{{self.force.name!r}: ...}}, wrt=['inputs.{self.force.name}'])"
         raise InputError(Problem("Stepper.linearise", f"'{self.force.name}'", text))
