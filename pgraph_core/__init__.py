@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from .analysis.feedback import place_poles as place_poles
     from .analysis.mobility import Mobility as Mobility
     from .batches.batch_stepper import BatchStepper as BatchStepper
+    from .capture.identify import Inertias as Inertias
+    from .capture.identify import identify_inertia as identify_inertia
     from .capture.moments import Moments as Moments
     from .capture.moments import joint_moments as joint_moments
     from .capture.tracking import Tracking as Tracking

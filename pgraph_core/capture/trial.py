@@ -294,10 +294,10 @@ def centre_of_pressure(force: Array, moment: Array, origin: Array, axes: Array) 
     """
     f = force @ axes
     m = (moment - np.cross(origin, force)) @ axes
-    borne = np.asarray(np.abs(f[:, 2]) > LOADED)
+    borne: Any = f[:, 2] ** 2 > LOADED**2
     over = np.where(borne, f[:, 2], 1.0)
     inside = np.stack((-m[:, 1] / over, m[:, 0] / over, np.zeros(len(f))), axis=1)
-    return np.where(borne[:, None], origin + inside @ axes.T, np.nan)
+    return np.where(borne.reshape(-1, 1), origin + inside @ axes.T, np.nan)
 
 
 def even(t: Array, path: str | Path, stated: float = 0.0) -> tuple[Array, list[str]]:
