@@ -10,7 +10,8 @@ import numpy as np
 
 from .. import joints
 from ..engine import signals as kernels
-from ..engine.signals import DRIVE, LAW, STATES, TARGETS
+from ..engine.riders import COLUMN
+from ..engine.signals import DRIVE, GATE, LAW, STATES, TARGETS
 from ..engine.stepping.measured import (
     BOUND,
     CONSTRAINT,
@@ -19,7 +20,7 @@ from ..engine.stepping.measured import (
     TENSION,
 )
 from ..errors import ModelError, Problem, choices
-from ..forces import LOADS, Cable, LinearActuator, OnBody, OnJoint, Strut
+from ..forces import LOADS, BetweenPoints, Cable, LinearActuator, OnBody, OnJoint, Strut
 from ..model import Contact, Force, Model, Rope
 from ..model.expressions import TENSE
 from ..pulleys import segment_names
@@ -230,9 +231,22 @@ def signals(
             program.watch_relation(c)
         for body in model.cornered:
             program.watch_track(body)
+        for f in forces:
+            if isinstance(f, BetweenPoints):
+                program.watch_shifts(f)
+        owners = np.array([*owners.tolist(), *_gates(program, loads)], np.int64)
+        owners = owners.reshape(-1, TARGETS)
     if touching:
         program.watch_touches()
     return program.code(), owners, own
+
+
+def _gates(program: Program, loads: Loads) -> Iterator[tuple[int, ...]]:
+    """Yield the targets of points that count in a range: a run holds their side within a step."""
+    for n, one in enumerate(loads.riders[0]):
+        if one["gate"] >= 0:
+            x = program.put(kernels.Q, one["gate"], one["gate_v"])
+            yield program.within(x, one["low"], one["high"]), GATE, n, 1, COLUMN, 0, 0
 
 
 def values_of(
