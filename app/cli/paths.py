@@ -53,7 +53,8 @@ def arms(args: Namespace) -> Answer:
         text = f"{args.output}: {len(table)} rows written"
     else:
         text = aligned(table.tolist(), header)
-    told = [jump_text(mech.packed, x) for x in _jumps(mech, q[0], (name, k), (low, high))]
+    jumps = _jumps(mech, q[0], (name, k), (low, high))
+    told = [jump_text(mech.packed, own) for own in jumps if own]
     if told:
         data["notices"] = told
     return Answer(data, "\n".join((text, *told)))
@@ -61,17 +62,17 @@ def arms(args: Namespace) -> Answer:
 
 def _jumps(
     mech: pg.Mechanism, q: np.ndarray, over: tuple[str, int], ends: tuple[float, float]
-) -> list[Jump]:
-    """Return the largest jump of each path over a range of a coordinate."""
-    found = list[Jump]()
-    for f in mech.model.forces:
-        own = [
+) -> list[list[Jump]]:
+    """Return the jumps of each path over a range of a coordinate."""
+    return [
+        [
             jump
-            for jump in (jumps_of(mech.packed, f, q) if isinstance(f, BetweenPoints) else ())
+            for jump in jumps_of(mech.packed, f, q)
             if (jump.when.body, jump.when.coordinate) == over and ends[0] <= jump.at <= ends[1]
         ]
-        found += [max(own, key=lambda x: abs(x.size))] if own else []
-    return found
+        for f in mech.model.forces
+        if isinstance(f, BetweenPoints)
+    ]
 
 
 def _coordinate(mech: pg.Mechanism, given: str) -> tuple[str, int]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..engine.compiler.jit import ready
 from ..engine.motion import path_arms
+from ..errors import choices
 from ..forces import BetweenPoints, Spring, Within, at_state
 from ..forces.path import length_along
 from ..forces.riding import CoordinateOf
@@ -15,6 +17,8 @@ from ..packing import Array, joint_coordinates
 from ..packing.packed import Packed
 from ..tolerances import SOLVED
 from .scene import NO_CONSTRAINTS, Scene
+
+UNKEPT = "its force changes the energy there"  # in notices about jumps
 
 
 class Paths:
@@ -79,22 +83,21 @@ def jumps_of(packed: Packed, f: BetweenPoints, q: Array) -> list[Jump]:
     return found
 
 
-def told(packed: Packed, f: BetweenPoints, q: Array) -> str:
-    """Return a sentence about the largest jump of a path, or "" if it does not jump."""
-    jump = max(jumps_of(packed, f, q), key=lambda x: abs(x.size), default=None)
-    return "" if jump is None else jump_text(packed, jump)
+def jump_text(packed: Packed, jumps: Sequence[Jump], when: str = "") -> str:
+    """Return a sentence about the jumps of a path, of which there is one at least."""
 
+    def place(jump: Jump) -> str:
+        name = jump.when.body
+        if packed.model.body(name).dof > 1:
+            name += f".{jump.when.coordinate}"
+        return f"by {1e3 * abs(jump.size):.3f} mm where q of '{name}' is {jump.at:.6g}"
 
-def jump_text(packed: Packed, jump: Jump, when: str = "") -> str:
-    """Return a sentence about a jump."""
-    f, where = jump.force, jump.when.body
-    if packed.model.body(where).dof > 1:
-        where += f".{jump.when.coordinate}"
+    f, points = jumps[0].force, choices(str(k) for k in sorted({x.number for x in jumps}))
+    each = " and ".join(dict.fromkeys(map(place, jumps)))
     return (
-        f"{f.kind} '{f.name}': its path jumps by {1e3 * abs(jump.size):.3f} mm where q of "
-        f"'{where}' is {jump.at:.6g}{when}, at the end of the range of its point {jump.number}, so "
-        "that its force changes the energy there; move the point onto the line between its "
-        "neighbours, or end its range where it is on it"
+        f"{f.kind} '{f.name}': its path jumps {each}{when}, at the end of the range of its point "
+        f"{points}, so that {UNKEPT}; move the point onto the line between its neighbours, or end "
+        "its range where it is on it"
     )
 
 

@@ -1,4 +1,4 @@
-"""Points of paths that ride: they shift in their body with coordinates, or count in a range of one."""
+"""Points of paths that ride: shifts in their body with coordinates, and ranges where they count."""
 
 from __future__ import annotations
 

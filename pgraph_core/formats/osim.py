@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..dynamics import Dynamics
-from ..dynamics.paths import told
+from ..dynamics.paths import jump_text, jumps_of
 from ..errors import ModelError, Problem, choices, explained, shown
 from ..fields import GROUND, Vec3, name_problem
 from ..forces import BetweenPoints
@@ -119,9 +119,9 @@ class _Reader:
         lines = {muscle.name: muscle.element for muscle in forces.muscles}
         for f in paths:
             assert packed is not None, "there are paths"
-            if text := told(packed, f, packed.system.q):
+            if jumps := jumps_of(packed, f, packed.system.q):
                 where = self.file.where(lines[f.name])
-                self.report.add("warning", where, text, part=f.name)
+                self.report.add("warning", where, jump_text(packed, jumps), part=f.name)
 
     def _suspect(self, model: Model) -> None:
         """Report units that may not be metres and kilograms."""

@@ -234,19 +234,42 @@ def signals(
         for f in forces:
             if isinstance(f, BetweenPoints):
                 program.watch_shifts(f)
-        owners = np.array([*owners.tolist(), *_gates(program, loads)], np.int64)
-        owners = owners.reshape(-1, TARGETS)
+        gates = _gates(program, loads, forces, owner + len(rubbing))
+        owners = np.array([*owners.tolist(), *gates], np.int64).reshape(-1, TARGETS)
     if touching:
         program.watch_touches()
     return program.code(), owners, own
 
 
-def _gates(program: Program, loads: Loads) -> Iterator[tuple[int, ...]]:
-    """Yield the targets of points that count in a range: a run holds their side within a step."""
+def gated(forces: Sequence[Force]) -> tuple[BetweenPoints, ...]:
+    """Return the forces along paths with points that count in a range."""
+    paths = (f for f in forces if isinstance(f, BetweenPoints))
+    return tuple(f for f in paths if any(via.when is not None for via in f.via))
+
+
+def _gates(
+    program: Program, loads: Loads, forces: Sequence[Force], first: int
+) -> Iterator[tuple[int, ...]]:
+    """Yield the targets of points that count in a range: a run holds their side within a step.
+
+    The number of the first one among `gated` forces as an owner is `first`.
+    """
+    own = gated(forces)
+    owners = iter(
+        [
+            first + own.index(f)
+            for kind in LOADS
+            for f in own
+            if type(f) in kind.parts
+            for via in f.via
+            if via.when is not None
+        ]
+    )  # in the order of their rows
     for n, one in enumerate(loads.riders[0]):
         if one["gate"] >= 0:
             x = program.put(kernels.Q, one["gate"], one["gate_v"])
-            yield program.within(x, one["low"], one["high"]), GATE, n, 1, COLUMN, 0, 0
+            number = program.within(x, one["low"], one["high"])
+            yield number, GATE, n, 1, COLUMN, next(owners), 0
 
 
 def values_of(

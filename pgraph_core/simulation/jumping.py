@@ -14,18 +14,22 @@ from .running import Running
 
 
 def jumped(record: Running) -> Iterator[str]:
-    """Yield a notice about the largest jump of each path between two frames."""
+    """Yield a notice about the jumps of each path between two frames, of each place the largest."""
     mech, n = record.mech, record.steps.recorded
     states = record.out.q[:n, : mech.nq]
     for f in record.plan.acting:
         if not isinstance(f, BetweenPoints) or all(via.when is None for via in f.via):
             continue
-        found = list[tuple[float, Jump]]()
+        found, first = dict[tuple[int, float], Jump](), 0.0
         for t, q in _crossings(mech, f, record.steps.times[:n], states):
-            found += [(t, jump) for jump in jumps_of(mech.packed, f, q) if _is_at(mech, jump, q)]
+            for jump in jumps_of(mech.packed, f, q):
+                known = found.get((jump.number, jump.at))
+                if not _is_at(mech, jump, q) or (known and abs(known.size) >= abs(jump.size)):
+                    continue
+                first = first if found else t
+                found[jump.number, jump.at] = jump
         if found:
-            t, jump = max(found, key=lambda one: abs(one[1].size))
-            yield jump_text(mech.packed, jump, f", as at t = {t:.6g} s")
+            yield jump_text(mech.packed, [*found.values()], f", as at t = {first:.6g} s")
 
 
 def _crossings(
