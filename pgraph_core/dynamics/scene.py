@@ -519,7 +519,7 @@ def path_tensions(
     """
     own = packed.loads((force,), named=named)
     scene = Scene(packed, packed.passive, own, NO_CONSTRAINTS)
-    found = np.zeros((len(t), sum(len(table) for table, *_ in own[:-1]), 3))
+    found = np.zeros((len(t), sum(len(table) for table, *_ in own.kinds), 3))
     for i in range(len(t)):
         motion.load_tensions(scene.address, t[i], q[i], v[i], found[i])
     cables = own.cable[0]
