@@ -27,12 +27,12 @@ def text_of_shifts(shifts: Sequence[pg.Shift]) -> str:
     for one in shifts:
         curve: Any = one.curve
         if isinstance(curve, pg.Polynomial):
-            rows = " ".join([POLYNOMIAL, *(f"{x:.17g}" for x in curve.coefficients)])
+            rows = " ".join([POLYNOMIAL, *map(_shown, curve.coefficients)])
         else:
             columns = (curve.x, curve.value, *([curve.slope] if curve.slope else []))
-            rows = "; ".join(" ".join(f"{x:.17g}" for x in row) for row in zip(*columns))
+            rows = "; ".join(" ".join(map(_shown, row)) for row in zip(*columns))
             rows = rows if curve.kind in ("natural", "hermite") else f"{curve.kind} {rows}"
-        along = " ".join(f"{x:.17g}" for x in one.along)
+        along = " ".join(map(_shown, one.along))
         found.append(f"{_named(one)} ({along}) {rows}")
     return " | ".join(found)
 
@@ -44,7 +44,7 @@ def shifts_of(model: pg.Model, text: str) -> tuple[dict[str, Any], ...]:
 
 def text_of_range(when: pg.Within | None) -> str:
     """Return a range as text."""
-    return "" if when is None else f"{_named(when)} {when.low:.17g} {when.high:.17g}"
+    return "" if when is None else f"{_named(when)} {_shown(when.low)} {_shown(when.high)}"
 
 
 def range_of(model: pg.Model, text: str) -> dict[str, Any]:
@@ -86,6 +86,11 @@ def _coordinate(model: pg.Model, text: str) -> dict[str, Any]:
 
 def _named(one: Any) -> str:
     return f"{one.body}.{one.coordinate}" if one.coordinate else str(one.body)
+
+
+def _shown(x: float) -> str:
+    """Return the shortest text of a number that has all its digits."""
+    return repr(x).removesuffix(".0")
 
 
 def _number(text: str) -> float:
