@@ -21,7 +21,7 @@ PARTS = {
     "Bodies": (pg.Body, pg.Shape, pg.Track),
     "Contacts": (pg.Contact,),
     "Sites and outputs": (pg.Site, pg.Output),
-    "Points of paths": (pg.Via,),
+    "Points of paths": (pg.Via, pg.Shift, pg.Within),
     "Functions of time and of state": (
         pg.Table, pg.VectorTable, pg.Sine, pg.Polynomial, pg.Curve, pg.Lines,
     ),

@@ -42,8 +42,10 @@ if TYPE_CHECKING:
     from .forces import Bushing as Bushing
     from .forces import LinearActuator as LinearActuator
     from .forces import Lines as Lines
+    from .forces import Shift as Shift
     from .forces import Strut as Strut
     from .forces import Via as Via
+    from .forces import Within as Within
     from .formats import load as load
     from .formats.conversion import Report as Report
     from .formats.mjcf import read_mjcf as read_mjcf

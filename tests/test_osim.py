@@ -257,22 +257,54 @@ def test_a_muscle_has_its_numbers_and_its_path_over_the_nearest_span(read):
     assert (point.body, point.point) == ("ground", (0.1, 0, 0))
 
 
+RANGED = """<socket_coordinate>/jointset/hip/flexion</socket_coordinate><range>0 1</range>
+</ConditionalPathPoint>"""
+CUBIC = """<socket_x_coordinate>/jointset/hip/flexion</socket_x_coordinate><x_location>
+<PolynomialFunction><coefficients>{}</coefficients></PolynomialFunction></x_location><y_location>
+<Constant><value>-0.8</value></Constant></y_location></MovingPathPoint>"""
+
+
+def test_a_conditional_point_counts_in_its_range_and_its_jumps_are_told(read):
+    force = MUSCLE.replace('PathPoint name="b"', 'ConditionalPathPoint name="b"')
+    force = force.replace("0.1 0 0</location></PathPoint>", f"0.1 0 0</location>{RANGED}")
+    leg = LEG.replace("</Body>", WRAP.format("all"))
+    model, report = read(bodies=leg, ForceSet=force)
+    assert report.loaded
+    (muscle,) = model.forces
+    (when,) = [via.when for via in muscle.via if via.radius is None]
+    assert (when.body, when.coordinate, when.low, when.high) == ("leg", 0, 0.0, 1.0)
+    (told,) = [str(x) for x in report.of("warning") if "jumps by" in str(x)]
+    assert_names(told, "'hamstring'", "mm", "'leg'", "is 0", "is 1")
+
+
+@pytest.mark.parametrize(("powers", "loaded"), [("0.2 0.1 0.02", True), ("1 0 0 0", False)])
+def test_a_moving_point_has_shifts_of_splines_and_parabolas(read, powers, loaded):
+    force = MUSCLE.replace('PathPoint name="c"', 'MovingPathPoint name="c"')
+    place = "<location>0.02 -0.8 0</location></PathPoint>"
+    force = force.replace(place, CUBIC.format(powers))
+    leg = LEG.replace("</Body>", WRAP.format("all"))
+    model, report = read(bodies=leg, ForceSet=force)
+    assert report.loaded == loaded
+    if loaded:
+        (muscle,) = model.forces
+        (shift,) = muscle.shifts
+        assert (muscle.point, shift.along) == ((0.0, -0.8, 0.0), (1.0, 0.0, 0.0))
+        assert shift.curve.coefficients == (0.02, 0.1, 0.2)
+    else:
+        assert_names("\n".join(model.lost), "moving", "degree 3", "hamstring")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "fact"),
     [
-        ('PathPoint name="b"', 'ConditionalPathPoint name="b"', "conditional"),
+        ('PathPoint name="a"', 'ConditionalPathPoint name="a"', "conditional point at an end"),
         ("Thelen2003Muscle", "Schutte1993Muscle_Deprecated", "Schutte1993Muscle"),
     ],
 )
 def test_a_muscle_that_has_no_counterpart_is_a_named_loss(read, old, new, fact):
     force = MUSCLE.replace(old, new)
     if "Conditional" in new:
-        force = force.replace(
-            "<location>0.1 0 0</location></PathPoint>",
-            """<location>0.1 0 0
-        </location><socket_coordinate>/jointset/hip/flexion</socket_coordinate>
-        <range>0 1</range></ConditionalPathPoint>""",
-        )
+        force = force.replace("0.2 0</location>\n</PathPoint>", f"0.2 0</location>{RANGED}")
     leg = LEG.replace("</Body>", WRAP.format("all"))
     model, report = read(bodies=leg, ForceSet=force)
     assert not report.loaded

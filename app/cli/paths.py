@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.dynamics.paths import Jump, jump_text, jumps_of
 from pgraph_core.errors import FileError, InputError, Problem, choices, shown
+from pgraph_core.forces import BetweenPoints
 
 from .terminal import MODEL, Answer, aligned, command, count, numbers, open_model, takes
 
@@ -48,8 +50,29 @@ def arms(args: Namespace) -> Answer:
         with open(args.output, "w", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows([header, *table.tolist()])
         data["output"] = args.output
-        return Answer(data, f"{args.output}: {len(table)} rows written")
-    return Answer(data, aligned(table.tolist(), header))
+        text = f"{args.output}: {len(table)} rows written"
+    else:
+        text = aligned(table.tolist(), header)
+    jumps = _jumps(mech, q[0], (name, k), (low, high))
+    told = [jump_text(mech.packed, own) for own in jumps if own]
+    if told:
+        data["notices"] = told
+    return Answer(data, "\n".join((text, *told)))
+
+
+def _jumps(
+    mech: pg.Mechanism, q: np.ndarray, over: tuple[str, int], ends: tuple[float, float]
+) -> list[list[Jump]]:
+    """Return the jumps of each path over a range of a coordinate."""
+    return [
+        [
+            jump
+            for jump in jumps_of(mech.packed, f, q)
+            if (jump.when.body, jump.when.coordinate) == over and ends[0] <= jump.at <= ends[1]
+        ]
+        for f in mech.model.forces
+        if isinstance(f, BetweenPoints)
+    ]
 
 
 def _coordinate(mech: pg.Mechanism, given: str) -> tuple[str, int]:

@@ -39,6 +39,7 @@ from . import (
     own_fields,
     places,
     relations,
+    riding,
     takes_other,
     typed_as,
 )
@@ -293,6 +294,8 @@ def _typed(
             return _coefficients(model, data, index, text)
         case "through":
             return {**data, field: cables.changed(model, data, index, text, display)}
+        case "shifts" | "other_shifts":
+            return {**data, field: riding.shifts_of(model, text)}
         case _ if field in getattr(item, "PLACES", ()):
             return {**data, field: places.path(model, item, data[field], index, text, display, at)}
         case _ if form == "rows":

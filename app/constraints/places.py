@@ -14,6 +14,7 @@ from pgraph_core.rotation import matrix
 
 from ..core.cells import Display, Refusal, content, replaced
 from ..core.state import derive
+from . import riding
 from .cables import WHEEL
 from .curves import plain
 from .gains import EVERY, GROUND
@@ -120,6 +121,10 @@ def path(
         place = places[i] = {name: x for name, x in place.items() if name not in cleared}
     elif key == "inner":
         place[key] = True
+    elif key == "shifts":
+        place[key] = riding.shifts_of(model, text)
+    elif key == "when":
+        place[key] = riding.range_of(model, text)
     else:
         new = content(text, "number" if key == "axis" else "length", display)
         old = new if key == "radius" else tuple(place.get(key) or (0.0, 0.0, 0.0))

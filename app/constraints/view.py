@@ -47,6 +47,7 @@ from . import (
     places,
     rare,
     relations,
+    riding,
     typed_as,
     varies,
 )
@@ -312,6 +313,10 @@ def _field(
             return _points(item, cells, display)
         case "through":
             return _stations(model, item, cells[name], display)
+        case "shifts" | "other_shifts":
+            shows, text = about(item, name), riding.text_of_shifts(getattr(item, name))
+            return [field(name, shows.label, [cell((), text)], kind="text",
+                          help=f"{shows.help}: {riding.SAYS}")]  # fmt: skip
         case _ if name in getattr(item, "PLACES", ()):
             return _path(model, item, name, cells, display, at)
         case "shape" if isinstance(item, pg.Muscle):
@@ -512,7 +517,9 @@ def _path(
                                   radius, (i, places.OF_VIA.index("radius"))))
         )  # fmt: skip
         for number, key in enumerate(places.OF_VIA[1:], start=1):
-            if key == "point" or place.radius is not None:
+            if key in ("shifts", "when"):
+                found += _of_ride(name, (i, number), key, place)
+            elif key == "point" or place.radius is not None:
                 found.append(_of_place(name, (i, number), key, place, row.get(key), display))
     more = field(name, "+ via", [cell((), "")], kind="names", options=[NO_BODY, GROUND],
                  help=shows.help)  # fmt: skip
@@ -585,6 +592,18 @@ def _of_station(
     ]
     return field(name, "Centre" if one.radius and key == "point" else shows.label, row, unit=unit,
                  help=shows.help, pick=key)  # fmt: skip
+
+
+def _of_ride(name: str, index: tuple[int, int], key: str, place: pg.Via) -> list[Payload]:
+    """Return the row with the displacements of a point, or with the range in which it counts."""
+    if place.radius is not None:
+        return []
+    shows = about(place, key)
+    text, says = riding.text_of_range(place.when), "such as shank -0.8 0.2 [rad, m]"
+    if key == "shifts":
+        text, says = riding.text_of_shifts(place.shifts), riding.SAYS
+    one = cell(index, text)
+    return [field(name, shows.label, [one], kind="text", help=f"{shows.help}: {says}")]
 
 
 def _of_place(

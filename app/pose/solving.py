@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.analysis.inverse import nearest
 from pgraph_core.joints import AXIAL, SIZE, Motion, slides
+from pgraph_core.joints import places as places_of
 from pgraph_core.model.poses import elementary
 from pgraph_core.paper import bodies_of, frames, q_slices
 from pgraph_core.show.shapes import to_wxyz
@@ -43,6 +44,22 @@ def shown_q(state: State) -> np.ndarray:
     if state.run is None:
         return home(state.model)
     return np.asarray(state.run.result.q[_frame(state.run, state.playback.time)])
+
+
+def shown_coordinate(state: State) -> Callable[[str, int], float]:
+    """Return the function of (body, index) that gives a displayed coordinate [rad, m]."""
+    places = dict[str, int]()
+
+    def coordinate(name: str, k: int) -> float:
+        if not places:
+            first = 0
+            for body in bodies_of(state.model, pg.Topology.of(state.model)):
+                places[body.name], first = first, first + len(body.q)
+        place = places_of(state.model.body(name).sequence)[k]
+        assert place is not None, "it is a hinge or slider"
+        return float(shown_q(state)[places[name] + place])
+
+    return coordinate
 
 
 def shown_frame(state: State) -> int | None:

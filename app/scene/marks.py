@@ -12,7 +12,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.fields import GROUND
-from pgraph_core.forces import BetweenPoints, lines_of
+from pgraph_core.forces import BetweenPoints, at_state, lines_of
 from pgraph_core.packing.cable_lines import Lying, cable_lines, cables_of
 from pgraph_core.packing.signals import states_of
 from pgraph_core.result.bodies import body_poses
@@ -24,6 +24,7 @@ from pgraph_core.show.stage import GRID
 
 from ..constraints.cables import bare
 from ..core.state import of_model
+from ..pose.solving import shown_coordinate
 from . import State
 
 Local = dict[int, np.ndarray]  # number of a body (0: the ground) -> points in its frame [m]
@@ -338,6 +339,7 @@ def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> dict[str, Jo
         if not isinstance(f, BetweenPoints) or any(n not in number for n in (*f.pair, *f.touches)):
             continue
         of = ("forces", f.name) if id(f) in own else None
+        f = at_state(f, model.body(f.body), shown_coordinate(state))
         for line, bent in lines_of(f, model.body(f.body), at, turn):
             if isinstance(f, pg.Muscle):
                 wide = MUSCLE * grain * (1.0 + 2.0 * math.sqrt(f.f_max / strongest))

@@ -454,8 +454,8 @@ class TreeLanes(Instances):
     def _in_blocks(self, work: Callable[[int, int, Array], None], count: int) -> None:
         """Run `work(begin, end, workspace)` on `count` lane blocks across the threads."""
         packed, plan = self.workers[0].stepper.mech.packed, self.workers[0].stepper.recording.plan
-        room = max(packed.passive_loads.room, plan.loads.room)
-        shape = len(packed.rows) + room, at.WORK, LANE_WIDTH
+        rows = max(len(packed.rows), packed.passive_loads.rows, plan.loads.rows)
+        shape = rows, at.WORK, LANE_WIDTH
         self.spread(lambda _, begin, end: work(begin, end, np.zeros(shape)), count)
 
 

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..engine.compiler.jit import ready
 from ..engine.motion import path_arms
-from ..forces import BetweenPoints, Spring
-from ..packing import Array
+from ..errors import choices
+from ..forces import BetweenPoints, Spring, Within, at_state
+from ..forces.path import length_along
+from ..forces.riding import CoordinateOf
+from ..packing import Array, joint_coordinates
 from ..packing.packed import Packed
+from ..tolerances import SOLVED
 from .scene import NO_CONSTRAINTS, Scene
+
+UNKEPT = "its force changes the energy there"  # in notices about jumps
 
 
 class Paths:
@@ -35,7 +42,75 @@ class Paths:
 
 def _idle(f: BetweenPoints) -> Spring:
     """Return a spring of stiffness 0 along the path of a force."""
-    path: dict[str, Any] = {
-        name: getattr(f, name) for name in ("name", "body", "other", "point", "other_point", "via")
-    }
+    path: dict[str, Any] = {name: getattr(f, name) for name in ("name", *BetweenPoints.PATH)}
     return Spring(**path, stiffness=0.0, rest=0.0)
+
+
+class Jump(NamedTuple):
+    """A jump of the length of a path, where a point of it begins or ceases to count."""
+
+    force: BetweenPoints
+    number: int  # of the point in `via`, from 1
+    when: Within
+    at: float  # the coordinate [rad, m]
+    size: float  # length with the point minus that without it [m]
+
+
+def coordinates(packed: Packed, q: Array) -> CoordinateOf:
+    """Return the function of (body, index) that gives a coordinate at a state."""
+    number, system = packed.topology.number, packed.system
+    return lambda name, k: float(q[joint_coordinates(system, number(name))[k][1]])
+
+
+def jumps_of(packed: Packed, f: BetweenPoints, q: Array) -> list[Jump]:
+    """Return the jumps of a path at both ends of the ranges of its points, with all other
+    coordinates as in q."""
+    found = list[Jump]()
+    for k, via in enumerate(f.via):
+        for end in (via.when.low, via.when.high) if via.when is not None else ():
+            assert via.when is not None, "it has a range"
+            here, number = q.copy(), packed.topology.number(via.when.body)
+            here[joint_coordinates(packed.system, number)[via.when.coordinate][1]] = end
+            lengths = [
+                length_at(
+                    packed, f.unchecked_copy({"via": (*f.via[:k], *own, *f.via[k + 1 :])}), here
+                )
+                for own in ((via.unchecked_copy({"when": None}),), ())
+            ]
+            size = lengths[0] - lengths[1]
+            if abs(size) > SOLVED * lengths[0]:
+                found.append(Jump(f, k + 1, via.when, end, size))
+    return found
+
+
+def jump_text(packed: Packed, jumps: Sequence[Jump], when: str = "") -> str:
+    """Return a sentence about the jumps of a path, of which there is one at least."""
+
+    def place(jump: Jump) -> str:
+        name = jump.when.body
+        if packed.model.body(name).dof > 1:
+            name += f".{jump.when.coordinate}"
+        return f"by {1e3 * abs(jump.size):.3f} mm where q of '{name}' is {jump.at:.6g}"
+
+    f, points = jumps[0].force, choices(str(k) for k in sorted({x.number for x in jumps}))
+    each = " and ".join(dict.fromkeys(map(place, jumps)))
+    return (
+        f"{f.kind} '{f.name}': its path jumps {each}{when}, at the end of the range of its point "
+        f"{points}, so that {UNKEPT}; move the point onto the line between its neighbours, or end "
+        "its range where it is on it"
+    )
+
+
+def length_at(packed: Packed, f: BetweenPoints, q: Array) -> float:
+    """Return the length of the path of a force at a state [m]."""
+    place, turn = packed.poses(q)
+    number, body = packed.topology.number, packed.model.body(f.body)
+
+    def turned(name: str) -> Array:
+        return turn[number(name) - 1] if number(name) else np.eye(3)
+
+    def at(name: str, point: Any) -> Array:
+        origin = place[number(name) - 1] if number(name) else np.zeros(3)
+        return origin + turned(name) @ np.asarray(point)
+
+    return length_along(at_state(f, body, coordinates(packed, q)), body, at, turned)

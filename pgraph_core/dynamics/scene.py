@@ -108,7 +108,7 @@ class Scene(Unportable):
         self.active = np.zeros(len(self.blocks.blocks_i) + 1, dtype=np.int64)
         self.given = np.zeros(packed.nv)
         self.user, self.gains = user, gains
-        self.work = np.zeros((len(packed.rows) + loads.room, at.WORK))
+        self.work = np.zeros((max(len(packed.rows), loads.rows), at.WORK))
         before = len(own.blocks_i)
         self.touching = (
             ContactSpace(packed, contacts, self.blocks, before, steps=self.once)
@@ -120,6 +120,8 @@ class Scene(Unportable):
         imposed = address_of(motion.constrain) if len(self.blocks.blocks_i) else 0
         links = self.touching.links if self.touching else Links()
         self.space = workspace(packed.rows, packed.nq, packed.nv, self.blocks, active, contacts)
+        if len(self.work) > len(packed.rows):  # points that ride have velocities, too
+            self.space = self.space._replace(linear=np.zeros((len(self.work), 3)))
         self._spans: list[tuple[str, int, int]] = []
         self._one_each: list[str] = []  # their names if each has one block, in order
         if len(self.blocks.blocks_i):
@@ -279,8 +281,9 @@ def empty_frames(
 
 def apart(drives: Drives, loads: Loads) -> tuple[Drives, Loads]:
     """Copy the drives and loads, so that expression values are written to separate arrays."""
-    own = ((table, knots.copy(), vias) for table, knots, vias in loads[:-1])
-    loads = Loads(*own, tuple(array.copy() for array in loads.signals))
+    own = ((table, knots.copy(), vias) for table, knots, vias in loads.kinds)
+    *points, gates = loads.riders
+    loads = Loads(*own, (*points, gates.copy()), tuple(array.copy() for array in loads.signals))
     return drives._replace(table=drives.table.copy(), knots=drives.knots.copy()), loads
 
 
@@ -516,7 +519,7 @@ def path_tensions(
     """
     own = packed.loads((force,), named=named)
     scene = Scene(packed, packed.passive, own, NO_CONSTRAINTS)
-    found = np.zeros((len(t), sum(len(table) for table, *_ in own[:-1]), 3))
+    found = np.zeros((len(t), sum(len(table) for table, *_ in own.kinds), 3))
     for i in range(len(t)):
         motion.load_tensions(scene.address, t[i], q[i], v[i], found[i])
     cables = own.cable[0]

@@ -62,6 +62,7 @@ from .records import (
     WATCH,
     columns,
 )
+from .riders import RIDER, SHIFT
 
 # Rows of `Workspace.vectors`
 RHS, LAMBDA, EFFECT = 0, 1, 2  # right side and solution of Ω λ = r, what λ does to the joints
@@ -112,12 +113,12 @@ class Drives(NamedTuple):
     terms: Any  # (nt, 3) index into v, into q, coefficient: of forces along several coordinates
 
 
-class Loads(namedtuple("_Loads", [*(one.kind for one in KINDS_OF_LOADS), "signals"])):
+class Loads(namedtuple("_Loads", [*(one.kind for one in KINDS_OF_LOADS), "riders", "signals"])):
     """Forces between two bodies or on one body, as (table, knots, via points) for each kind by
     name.
 
-    The last member is (code, targets, states) of the expressions in them, in the drives and in the
-    controls.
+    The last members are (table, shifts, curves, gates) of the points that ride, as in `riders`, and
+    (code, targets, states) of the expressions in them, in the drives and in the controls.
     """
 
     __slots__ = ()
@@ -125,17 +126,24 @@ class Loads(namedtuple("_Loads", [*(one.kind for one in KINDS_OF_LOADS), "signal
     @property
     def number(self) -> int:
         """Return the number of loads and expressions."""
-        return sum(len(table) for table, *_ in self[:-1]) + len(self.signals[0])
+        return sum(len(table) for table, *_ in self.kinds) + len(self.signals[0])
 
     @property
-    def room(self) -> int:
-        """Return the number of rows of a workspace for points between obstacles in a row."""
+    def kinds(self) -> tuple[Any, ...]:
+        """Return (table, knots, via points) of each kind."""
+        return self[: len(KINDS_OF_LOADS)]
+
+    @property
+    def rows(self) -> int:
+        """Return the number of rows of a workspace with points that ride and those between
+        obstacles in a row, 0 if there are none."""
         spans = (
-            (vias[one["first_via"] :][: one["vias"]], one["vias"])
-            for table, _, vias in self[:-1]
+            (one["room"], vias[one["first_via"] :][: one["vias"]])
+            for table, _, vias in self.kinds
             for one in (table if len(vias) else ())
         )
-        return max((int(count) for own, count in spans if follow_each_other(own)), default=0)
+        ends = [int(room) + len(own) for room, own in spans if follow_each_other(own)]
+        return max((*ends, *(self.riders[0]["row"] + 1)), default=0)
 
 
 class Blocks(NamedTuple):
@@ -434,7 +442,7 @@ class Run(NamedTuple):
 DRIVES = named(Drives, array_of(JOINT_FORCE), F2, i8, F2)
 LOADS = named(
     Loads, *(group(array_of(one.row), F2, array_of(VIA)) for one in KINDS_OF_LOADS),
-    group(F2, I2, I2),
+    group(array_of(RIDER), array_of(SHIFT), F2, F2), group(F2, I2, I2),
 )  # fmt: skip
 BLOCKS = named(Blocks, I2, F2, I2, F1, F2, array_of(VIA), I1)
 SPACE = named(

@@ -6,32 +6,10 @@ Each kind has a separate table, so that kernels do not check the kind of a row.
 from ..forces import LOADS
 from .compiler.jit import part, sweep
 from .motions import project
-from .rows import (
-    add_bias,
-    bias_of,
-    carrier_of,
-    link_of,
-    offset_of,
-    origin_of,
-    parent_of,
-    rotation_of,
-    set_bias,
-)
-from .vec import accumulate, add, add_cross, mul, scale, store, sub
-
-
-@part
-def apply(work, k, p, torque, force):
-    """Subtract a wrench at p on row k from the bias force P, unless k is the ground."""
-    if k > 0:
-        arm = sub(p, origin_of(work, k))
-        add_bias(work, k, scale(-1.0, add_cross(torque, arm, force)), scale(-1.0, force))
-
-
-@part
-def onto_row(work, k, body, p, torque, force):
-    """Subtract a wrench at p from the bias force of row k."""
-    apply(work, k, p, torque, force)
+from .pushes import onto_body, onto_row
+from .riders import drive_riders, free_riders, unload_riders
+from .rows import add_bias, bias_of, link_of, parent_of, set_bias
+from .vec import add_cross, scale, store
 
 
 def _applying(kind):
@@ -52,25 +30,14 @@ def _applying(kind):
     return all_of
 
 
-@part
-def onto_body(to, k, b, p, torque, force):
-    """Add a wrench at p to the wrench on body b at its origin."""
-    bodies_i, bodies_f, work, external = to
-    if b > 0:
-        k = carrier_of(bodies_i, b)
-        origin = add(origin_of(work, k), mul(rotation_of(work, k), offset_of(bodies_f, b)))
-        accumulate(external, b - 1, 0, add_cross(torque, sub(p, origin), force))
-        accumulate(external, b - 1, 3, force)
-
-
 def _collecting(kind):
     exert = kind.action.onto(onto_body)
 
     @sweep
-    def all_of(own, bodies_i, bodies_f, work, linear, q, t, external):
-        """Add the loads of one kind to `external` (nb, 6)."""
+    def all_of(own, bodies_i, bodies_f, work, rows, linear, q, t, external):
+        """Add the loads of one kind to `external` (nb, 6), of a tree with this number of rows."""
         table, knots, vias = own
-        to = bodies_i, bodies_f, work, external
+        to = bodies_i, bodies_f, work, rows, external
         for i in range(table.shape[0]):
             exert(table[i], knots, vias, work, linear, q, t, to)
 
@@ -180,13 +147,13 @@ def _applies(n):
 
 def _collects(n):
     if n == len(LOADS):
-        return part(lambda loads, bodies_i, bodies_f, work, linear, q, t, external: None)
+        return part(lambda loads, bodies_i, bodies_f, work, rows, linear, q, t, external: None)
     first, rest = _collecting(LOADS[n]), _collects(n + 1)
 
     @part
-    def chain(loads, bodies_i, bodies_f, work, linear, q, t, external):
-        first(loads[n], bodies_i, bodies_f, work, linear, q, t, external)
-        rest(loads, bodies_i, bodies_f, work, linear, q, t, external)
+    def chain(loads, bodies_i, bodies_f, work, rows, linear, q, t, external):
+        first(loads[n], bodies_i, bodies_f, work, rows, linear, q, t, external)
+        rest(loads, bodies_i, bodies_f, work, rows, linear, q, t, external)
 
     return chain
 
@@ -280,36 +247,40 @@ def carry_bias(rows, const, work, tau):
 
 def _arms(n):
     if n == len(LOADS):
-        return part(lambda rows, const, loads, work, lengths, arms, begin: None)
+        return part(lambda rows, const, loads, work, q, lengths, arms, begin: None)
     rest = _arms(n + 1)
     if LOADS[n].action.unit is None:
         return rest
     pulled = LOADS[n].action.unit(onto_row)
 
     @sweep
-    def chain(rows, const, loads, work, lengths, arms, begin):
+    def chain(rows, const, loads, work, q, lengths, arms, begin):
         table, _, vias = loads[n]
         for i in range(table.shape[0]):
             unbiased(rows, work)
+            free_riders(loads.riders, work)
             lengths[begin + i] = pulled(table[i], vias, work, work)
+            unload_riders(loads.riders, work)
             carry_bias(rows, const, work, arms[begin + i])
-        rest(rows, const, loads, work, lengths, arms, begin + table.shape[0])
+            drive_riders(loads.riders, work, q, arms[begin + i])
+        rest(rows, const, loads, work, q, lengths, arms, begin + table.shape[0])
 
     return chain
 
 
 # length of all loads along paths [m], and -dL/dq: the generalised forces of a tension of 1 N, from
-# row `begin` of `lengths` (n,) and `arms` (n, nv) on, kind after kind, after `positions`
+# row `begin` of `lengths` (n,) and `arms` (n, nv) on, kind after kind, after `place_riders`
 arms_of_loads = _arms(0)
 
 
 @sweep
 def torque_of_loads(rows, const, loads, work, linear, q, tau):
-    """Compute τ = Hᵀ φᵀ F of all loads at t = 0, eqs. (12), (23), after `positions` and
-    `velocities`.
+    """Compute τ = Hᵀ φᵀ F of all loads at t = 0, eqs. (12), (23), after `move_riders`.
 
     P is used up.
     """
     unbiased(rows, work)
     apply_loads(loads, work, linear, q, 0.0)
+    unload_riders(loads.riders, work)
     carry_bias(rows, const, work, tau)
+    drive_riders(loads.riders, work, q, tau)

@@ -26,6 +26,7 @@ from .loads import (
     torque_of_loads,
 )
 from .records import PAIR
+from .riders import collect_riders, drive_riders, move_riders, place_riders, unload_riders
 from .rows import kept_of
 from .signals import (
     begin_states,
@@ -112,13 +113,21 @@ def signal(scene, t, q, v):
     return 0 if follow(opened(scene), t, q, v) else -1
 
 
+@part
+def locate_points(data, q, v):
+    """Find positions and velocities of all origins and of points that ride, after `outboard`."""
+    positions(data.rows, data.work)
+    velocities(data.rows, data.const, data.work, v, data.space.linear)
+    place_riders(data.loads.riders, data.work, q)
+    move_riders(data.loads.riders, data.work, data.space.linear, q, v)
+
+
 @sweep
 def find_rates(data, t, q, v):
     """Let the loads along paths write the rates of their states into the knots, after `follow`."""
     rows, const, work, linear = data.rows, data.const, data.work, data.space.linear
     frames(rows, const, work, q, v)
-    positions(rows, work)
-    velocities(rows, const, work, v, linear)
+    locate_points(data, q, v)
     for i in range(count_of_paths(data.loads)):
         tension_of_load(data.loads, work, linear, q, t, i)
 
@@ -161,9 +170,10 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
     data = opened(scene)  # again: what is not needed is not read
     loads, space, links = data.loads, data.space, data.links
     if count_of_loads(loads) > 0:
-        positions(rows, work)
-        velocities(rows, const, work, v, space.linear)
+        locate_points(data, q, v)
         more, lost = apply_loads(loads, work, space.linear, q, t)
+        unload_riders(loads.riders, work)
+        drive_riders(loads.riders, work, q, tau)
         put_in += more
         dissipated += lost
     if loads.signals[2].shape[0] > 0:
@@ -261,6 +271,7 @@ def record(scene, accelerate, t, q, v, flow, ledger, i, out):
     if data.links.contacts != 0:
         call_contact_record(data.links.record, (scene, pushes[i], touches[i], missed[i]))
     kinetic, potential = kinetic_and_potential(rows, const, work, space.linear, v)
+    place_riders(loads.riders, work, q)
     energies[i, 0] = kinetic
     energies[i, 1] = potential + elastic(drives, q) + elastic_loads(loads, work, q)
     energies[i, 2] = ledger[at.WORK_DONE]
@@ -281,6 +292,7 @@ def energies(scene, q, v):
     rows, const, drives, loads, work = data.rows, data.const, data.drives, data.loads, data.work
     outboard(rows, const, work, q, v)
     kinetic, potential = kinetic_and_potential(rows, const, work, data.space.linear, v)
+    place_riders(loads.riders, work, q)
     return kinetic, potential + elastic(drives, q) + elastic_loads(loads, work, q)
 
 
@@ -288,12 +300,12 @@ def energies(scene, q, v):
 def load_wrenches(scene, bodies_i, bodies_f, t, q, v, external):
     """Add the loads to `external` (nb, 6)."""
     data = opened(scene)
-    rows, const, loads, work, space = data.rows, data.const, data.loads, data.work, data.space
+    loads, work, count = data.loads, data.work, data.rows.shape[0]
     follow(data, t, q, v)
-    outboard(rows, const, work, q, v)
-    positions(rows, work)
-    velocities(rows, const, work, v, space.linear)
-    collect_loads(loads, bodies_i, bodies_f, work, space.linear, q, t, external)
+    outboard(data.rows, data.const, work, q, v)
+    locate_points(data, q, v)
+    collect_loads(loads, bodies_i, bodies_f, work, count, data.space.linear, q, t, external)
+    collect_riders(loads.riders, bodies_i, bodies_f, work, count, external)
 
 
 @kernel(void(i8, F1, F1, F1))
@@ -312,8 +324,7 @@ def load_tensions(scene, t, q, v, out):
     work, space = data.work, data.space
     follow(data, t, q, v)
     outboard(data.rows, data.const, work, q, v)
-    positions(data.rows, work)
-    velocities(data.rows, data.const, work, v, space.linear)
+    locate_points(data, q, v)
     measure_loads(data.loads, work, space.linear, q, t, out, 0)
 
 
@@ -326,7 +337,8 @@ def path_arms(scene, q, still, lengths, arms):
     data = opened(scene)
     outboard(data.rows, data.const, data.work, q, still)
     positions(data.rows, data.work)
-    arms_of_loads(data.rows, data.const, data.loads, data.work, lengths, arms, 0)
+    place_riders(data.loads.riders, data.work, q)
+    arms_of_loads(data.rows, data.const, data.loads, data.work, q, lengths, arms, 0)
 
 
 @kernel(void(i8, F1, F1, F1))
@@ -336,8 +348,7 @@ def load_torque(scene, q, v, tau):
     rows, const, loads, work, space = data.rows, data.const, data.loads, data.work, data.space
     follow(data, 0.0, q, v)
     outboard(rows, const, work, q, v)
-    positions(rows, work)
-    velocities(rows, const, work, v, space.linear)
+    locate_points(data, q, v)
     torque_of_loads(rows, const, loads, work, space.linear, q, tau)
 
 

@@ -28,9 +28,9 @@ SIDE = 1
 # in the first one: how close to zero the margin was where it may have turned, and when; and where
 # the comparison changed last, which is as far from zero as the margin of what rests there
 NEAREST, WHEN, REST = 5, 6, 7
-# where a value goes: the instruction, DRIVE, a kind of load, counted from 1, or LAW, the first knot
-# or pair, how many, the column; the number of its part, and 1 once the value was not valid
-DRIVE, LAW = 0, 1 + len(LOADS)
+# where a value goes: the instruction, DRIVE, a kind of load, counted from 1, LAW or GATE, the first
+# knot, pair or rider, how many, the column; the number of its part, and 1 once it was not valid
+DRIVE, LAW, GATE = 0, 1 + len(LOADS), 2 + len(LOADS)
 OWNER, FAILED, TARGETS = 5, 6, 7
 # states of controls and muscles: the instruction of the rate or the new value, that of the time
 # between samples or -1, that of the first value, the number of the part, and 1 once the value was
@@ -247,6 +247,8 @@ def follow_signals(signals, drives, loads, t, q, v):
             if targets[n, 1] == DRIVE:
                 drives.knots[k, 1] = value
                 drives.knots[k, 3] = value
+            elif targets[n, 1] == GATE:
+                loads.riders[3][k, column] = value
             else:
                 put_in_knots(loads, targets[n, 1] - 1, k, column, value)
     for n in range(states.shape[0]):

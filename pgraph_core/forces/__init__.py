@@ -22,8 +22,11 @@ from .joint import Servo as Servo
 from .joint import SpeedServo as SpeedServo
 from .tendon import Tendon as Tendon
 from .wrench import Wrench as Wrench
+from .riding import Shift as Shift
+from .riding import Within as Within
 from .path import BetweenPoints as BetweenPoints
 from .path import Via as Via
+from .path import at_state as at_state
 from .path import legs_of as legs_of
 from .path import lines_of as lines_of
 from .path import ways_past as ways_past

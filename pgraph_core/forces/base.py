@@ -180,6 +180,10 @@ class Places(Protocol):
         """Return the orientation (3, 3) of a body in the initial state."""
         ...
 
+    def coordinate_at_start(self, name: str, k: int) -> float:
+        """Return coordinate k of the joint of a body in the initial state [rad, m]."""
+        ...
+
     def body(self, name: str) -> Any:
         """Return the description of a body."""
         ...

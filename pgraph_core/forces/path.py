@@ -26,6 +26,7 @@ from ..fields import (
     Text,
     Vec3,
     field,
+    maybe_part_of,
     maybe_vector,
     parts_of,
     refuse,
@@ -38,12 +39,16 @@ from ..units import M
 from .base import Action, Between, Places, opposed
 from .obstacle_rows import Past, end_of_way, passed, past_obstacles, settle, start_of_way
 from .obstacles import POINT
+from .riding import CoordinateOf, Shift, Within, shifted
 
 Place = tuple[str, Sequence[float]]  # a body and a point in its axes [m]
 
 
 class Via(Frozen):
     """A point of a body through which a path leads, or a round obstacle on which it lies.
+
+    A point may move in its body by `shifts` with joint coordinates, and count only `when` a
+    coordinate is in a range: outside of it, the path leads from the point before to the next one.
 
     With a `radius`, `point` is the centre of a sphere, or with an `axis` that of a cylinder. The
     path touches it without friction, on its shorter side or on that of the point `side`, and leaves
@@ -76,10 +81,29 @@ class Via(Frozen):
         "true or false", default=False, since=9,
         help="the path leads through the obstacle, as through a ring",
     )  # fmt: skip
+    shifts: tuple[Shift, ...] = field(
+        "a list of displacements {'body': name, 'along': [x, y, z], 'curve': ...} of the point",
+        converter=parts_of(Shift), default=(), role="parts", since=9,
+        help="displacements of the point in its body by functions of joint coordinates",
+    )  # fmt: skip
+    when: Within | None = field(
+        "a range {'body': name, 'low': q, 'high': q} of a joint coordinate, or None",
+        converter=maybe_part_of(Within), default=None, since=9,
+        help="range of a joint coordinate in which the point counts; default: always",
+    )  # fmt: skip
+
+    @property
+    def rides(self) -> bool:
+        """True if it moves in its body, or counts in a range only."""
+        return bool(self.shifts) or self.when is not None
 
     @model_validator(mode="after")
     def _round(self) -> Self:
         refuse_no_direction(axis=self.axis)
+        if self.radius is not None and self.rides:
+            text = "is of a point, and this one is an obstacle; leave it or the radius out, or put "
+            text += "the obstacle on a body that moves"
+            refuse([("shifts" if self.shifts else "when", text)])
         given = [
             name for name in ("axis", "side", "inner") if getattr(self, name) not in (None, False)
         ]
@@ -102,6 +126,10 @@ class BetweenPoints(AtPoint, Between):
     """
 
     PLACES: ClassVar[tuple[str, ...]] = ("via",)
+    # the fields of its path
+    PATH: ClassVar[tuple[str, ...]] = (
+        "body", "other", "point", "other_point", "via", "shifts", "other_shifts",
+    )  # fmt: skip
 
     other_point: Vec3 | None = field(
         "three finite numbers in the axes of `other` [m]; default: its origin",
@@ -114,6 +142,57 @@ class BetweenPoints(AtPoint, Between):
         converter=parts_of(Via), default=(), role="parts", since=9,
         help="points between both ends, or round obstacles, which it passes without friction",
     )  # fmt: skip
+    shifts: tuple[Shift, ...] = field(
+        "a list of displacements {'body': name, 'along': [x, y, z], 'curve': ...} of `point`",
+        converter=parts_of(Shift), default=(), role="parts", since=9,
+        help="displacements of the first point by functions of joint coordinates",
+    )  # fmt: skip
+    other_shifts: tuple[Shift, ...] = field(
+        "a list of displacements {'body': name, 'along': [x, y, z], 'curve': ...} of `other_point`",
+        converter=parts_of(Shift), default=(), role="parts", since=9,
+        help="displacements of the other point by functions of joint coordinates",
+    )  # fmt: skip
+
+    @property
+    def rides(self) -> bool:
+        """True if one of its points moves in its body, or counts in a range only."""
+        return bool(self.shifts or self.other_shifts) or any(via.rides for via in self.via)
+
+    @property
+    def coordinates(self) -> tuple[tuple[str, int], ...]:
+        """The (body, index) of each coordinate with which its points ride."""
+        return tuple((x.body, x.coordinate) for x in self.riding)
+
+    @property
+    def riding(self) -> tuple[Shift | Within, ...]:
+        """All displacements and ranges of its points."""
+        own = [*self.shifts, *self.other_shifts]
+        for via in self.via:
+            own += [*via.shifts, *([via.when] if via.when else ())]
+        return tuple(own)
+
+    def riding_with(self, change: Callable[[Any], Any], via: Any = None) -> dict[str, Any]:
+        """Return its fields with changed displacements and ranges, of the points `via` if given."""
+
+        def all_of(parts: Sequence[Any]) -> tuple[Any, ...]:
+            return tuple(map(change, parts))
+
+        points = tuple(
+            x.unchecked_copy({"shifts": all_of(x.shifts), "when": x.when and change(x.when)})
+            for x in (self.via if via is None else via)
+        )
+        ends = {name: all_of(getattr(self, name)) for name in ("shifts", "other_shifts")}
+        return {**ends, "via": points}
+
+    @property
+    def touches(self) -> tuple[str, ...]:
+        """The names of the bodies on which it acts, excluding the ground."""
+        return tuple(dict.fromkeys((*super().touches, *(x.body for x in self.riding))))
+
+    @property
+    def _bends(self) -> bool:
+        jumps = any(via.when is not None for via in self.via)
+        return jumps or any(isinstance(x, Shift) and x.corners for x in self.riding)
 
     @model_validator(mode="before")
     @classmethod
@@ -128,6 +207,24 @@ class BetweenPoints(AtPoint, Between):
             return {"body": x[0], "point": x[1]} if pair else x
 
         return {**data, "via": [place(x) for x in via]}
+
+    @model_validator(mode="after")
+    def _has_a_way_without(self) -> Self:
+        """Refuse a point between two obstacles that does not always count."""
+        round_ = [False, *(via.radius is not None for via in self.via), False]
+        for k, via in enumerate(self.via, start=1):
+            if via.when is None:
+                continue
+            before, after = k - 1, k + 1
+            while before > 0 and self.via[before - 1].when is not None:
+                before -= 1
+            while after <= len(self.via) and self.via[after - 1].when is not None:
+                after += 1
+            if round_[before] and round_[after]:
+                text = f"point {k} counts in a range only, and stands between obstacles, points "
+                text += f"{before} and {after}; put a point that always counts beside it"
+                refuse([("via", text)])
+        return self
 
     @model_validator(mode="after")
     def _passes_in_a_row(self) -> Self:
@@ -147,7 +244,11 @@ class BetweenPoints(AtPoint, Between):
         return self
 
     def _exchanged(self, start: Any, home: Any) -> dict[str, Any]:
-        ends = {"point": self.other_point or (0.0, 0.0, 0.0), "other_point": self.point}
+        ends: dict[str, Any] = {
+            "point": self.other_point or (0.0, 0.0, 0.0), "other_point": self.point,
+        }  # fmt: skip
+        if self.shifts or self.other_shifts:
+            ends |= {"shifts": self.other_shifts, "other_shifts": self.shifts}
         return {**ends, "via": self.via[::-1]} if self.via else ends
 
 
@@ -165,6 +266,26 @@ def path_of(f: BetweenPoints, body: Any) -> list[Place]:
     return [(f.body, own), *((via.body, via.point) for via in f.via), (f.other, other)]
 
 
+def at_state(f: BetweenPoints, body: Any, coordinate: CoordinateOf) -> BetweenPoints:
+    """Return a force whose path has the points of this one at a state, and none that ride.
+
+    `body` is the description of its first body, and `coordinate(body, index)` a coordinate.
+    """
+    if not f.rides:
+        return f
+    own, other = points_of(f, body)
+    via = tuple(
+        x.unchecked_copy({
+            "point": shifted(x.point, x.shifts, coordinate), "shifts": (), "when": None
+        })
+        for x in f.via
+        if x.when is None or x.when.holds(coordinate(x.when.body, x.when.coordinate))
+    )  # fmt: skip
+    ends = {"point": shifted(own, f.shifts, coordinate), "shifts": (), "other_shifts": ()}
+    ends["other_point"] = shifted(other, f.other_shifts, coordinate)
+    return f.unchecked_copy({**ends, "via": via})
+
+
 def legs_of(f: BetweenPoints, body: Any) -> Iterator[tuple[Place, tuple[Via, ...], Place]]:
     """Yield (point, obstacles, next point) of a path, with points as in `path_of`."""
     start, past = path_of(f, body)[0], list[Via]()
@@ -180,11 +301,19 @@ def pack_points(f: BetweenPoints, one: Any, at: Places) -> float:
     """Write both ends into the row, and return the length of the path in the initial state [m]."""
     own, other = points_of(f, at.body(f.body))
     one["point_a"], one["point_b"] = at.in_row(f.body, own), at.in_row(f.other, other)
+    f = at_state(f, at.body(f.body), at.coordinate_at_start)
+    return length_along(f, at.body(f.body), at.at_start, at.turn_at_start)
+
+
+def length_along(
+    f: BetweenPoints, body: Any, at: Callable[..., Array], turn: Callable[[str], Array]
+) -> float:
+    """Return the length of a path without points that ride [m], with arguments as of `lines_of`."""
     first, *others = (
-        float(np.linalg.norm(at.at_start(*p) - at.at_start(*q)))
+        float(np.linalg.norm(at(*p) - at(*q)))
         if not past
-        else sum(x.length for x in ways_past(past, at.at_start, at.turn_at_start, p, q)[0])
-        for p, past, q in legs_of(f, at.body(f.body))
+        else sum(x.length for x in ways_past(past, at, turn, p, q)[0])
+        for p, past, q in legs_of(f, body)
     )
     return sum(others, first)
 

@@ -79,7 +79,7 @@ class Strut(BetweenPoints):
     @property
     def _bends(self) -> bool:
         tables = (bends(x)[1] for x in (self.spring, self.damper))
-        return bool(self.bump_stiffness) or any(map(len, tables))
+        return super()._bends or bool(self.bump_stiffness) or any(map(len, tables))
 
 
 def bends(lines: Lines | None) -> tuple[tuple[float, float, float], Array]:

@@ -12,8 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from ..dynamics import Dynamics
+from ..dynamics.paths import jump_text, jumps_of
 from ..errors import ModelError, Problem, choices, explained, shown
 from ..fields import GROUND, Vec3, name_problem
+from ..forces import BetweenPoints
 from ..markup import read_markup
 from ..model import Body, Model, Output, Site
 from ..model.poses import poses as poses_of
@@ -101,11 +104,24 @@ class _Reader:
             )
             self.report.add("converted", self.file.name, text + "OpenSim holds no motion there")
         self._suspect(model)
+        self._tell_jumps(model, forces)
         moving = sum(body.dof > 0 for body in bodies)
         text = f"{len(self.elements)} bodies, {moving} joints that move, "
         text += f"{len(self.coordinates)} coordinates, {len(forces.muscles)} muscles"
         self.report.add("read", self.file.name, text)
         return self.report.attached_to(model), self.report
+
+    def _tell_jumps(self, model: Model, forces: Forces) -> None:
+        """Report the paths that jump where a conditional point begins or ceases to count."""
+        paths = [f for f in model.forces if isinstance(f, BetweenPoints)]
+        paths = [f for f in paths if any(via.when for via in f.via)]
+        packed = Dynamics(model).packed if paths else None
+        lines = {muscle.name: muscle.element for muscle in forces.muscles}
+        for f in paths:
+            assert packed is not None, "there are paths"
+            if jumps := jumps_of(packed, f, packed.system.q):
+                where = self.file.where(lines[f.name])
+                self.report.add("warning", where, jump_text(packed, jumps), part=f.name)
 
     def _suspect(self, model: Model) -> None:
         """Report units that may not be metres and kilograms."""

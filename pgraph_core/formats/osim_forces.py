@@ -88,7 +88,12 @@ class Forces:
         on_cylinders = 0
         for muscle in self.muscles:
             control = self.controls.get(muscle.name, 0.0)
-            made = muscle_of(muscle, lambda body, point: held[body].place(point), control)
+            made = muscle_of(
+                muscle,
+                lambda body, point: held[body].place(point),
+                lambda body, k: found[body].q[k],
+                control,
+            )
             if isinstance(made, str):
                 self._lost(muscle.element, made)
             else:

@@ -11,7 +11,8 @@ import numpy as np
 from .. import forces as kinds
 from ..errors import ModelError, shown
 from ..fields import GROUND
-from ..forces import BetweenPoints, LinearActuator, Strut, Via
+from ..forces import BetweenPoints, LinearActuator, Shift, Strut, Via, Within
+from ..forces.riding import CoordinateOf, shifted
 from ..rotation import unit_vector
 from ..tolerances import TINY
 from .osim_functions import Curve, function_of
@@ -38,11 +39,43 @@ class PathPoint(NamedTuple):
 
     name: str
     body: str
-    point: tuple[float, float, float]  # [m], none of a moving one
+    point: tuple[float, float, float]  # [m], of a moving one without its shifts
     coordinate: tuple[Where | None, ...] = ()
     range: tuple[float, float] | None = None
     curves: tuple[Curve, ...] = ()
     at: Pose | None = None
+
+    @property
+    def shifts(self) -> tuple[Shift, ...]:
+        """The displacements of a moving point in its body. Raises ModelError."""
+        assert self.at is not None or not self.curves, "a moving point has a frame"
+        found = list[Shift]()
+        for k, curve in enumerate(self.curves):
+            if curve.constant is None and (where := self.coordinate[k]) is not None:
+                along = self.at.turn[:, k] if self.at is not None else ZERO
+                found.append(Shift(
+                    body=where[0], coordinate=where[1], along=along, curve=_function_of(curve)
+                ))  # fmt: skip
+        return tuple(found)
+
+    @property
+    def when(self) -> Within | None:
+        """The range of a coordinate in which it counts, or None."""
+        if self.range is None or self.coordinate[0] is None:
+            return None
+        body, k = self.coordinate[0]
+        return Within(body=body, coordinate=k, low=self.range[0], high=self.range[1])
+
+    @property
+    def lost(self) -> str:
+        """The reason why there is no such point, or ""."""
+        moving = any(c.constant is None and w is None for c, w in zip(self.curves, self.coordinate))
+        if not moving and (self.range is None or self.coordinate[0] is not None):
+            return ""
+        word = "moving" if moving else "conditional"
+        return (
+            f"with a {word} point, by a coordinate that follows in its joint or is of a quaternion"
+        )
 
 
 class Obstacle(NamedTuple):
@@ -86,12 +119,14 @@ class Muscle(NamedTuple):
 AtStart = Callable[[str, Any], Array]  # body, point [m]: its place at the start (3,) [m]
 
 
-def muscle_of(muscle: Muscle, at_start: AtStart, control: Any) -> BetweenPoints | str:
+def muscle_of(
+    muscle: Muscle, at_start: AtStart, start: CoordinateOf, control: Any
+) -> BetweenPoints | str:
     """Return the force that acts along a path, or the reason why there is none.
 
-    `control` is its excitation, or its input.
+    `start(body, k)` is a coordinate at the start, and `control` its excitation, or its input.
     """
-    ways = _ways(muscle.path, at_start)
+    ways = _ways(muscle.path, at_start, start)
     if isinstance(ways, str):
         return f"{muscle.kind} along a path {ways}"
     n, fields = muscle.numbers, dict[str, Any](ways)
@@ -129,13 +164,30 @@ def _muscle(muscle: Muscle, fields: dict[str, Any]) -> BetweenPoints:
     return kinds.Muscle(**fields, model=model)
 
 
-def _ways(path: Path, at_start: AtStart) -> dict[str, Any] | str:
+def _function_of(curve: Curve) -> Any:
+    """Return a function of a coordinate, a spline with a straight line beyond its ends."""
+    if not curve.rows:
+        return {"kind": "polynomial", "coefficients": curve.powers}
+    x, value, slope = zip(*curve.rows)
+    return {"kind": "hermite", "x": x, "value": value, "slope": slope}
+
+
+def _ways(given: Path, at_start: AtStart, start: CoordinateOf) -> dict[str, Any] | str:
     """Return the points and obstacles as fields of a path, or the reason why it has none."""
-    for point in path.points:
-        if point.curves or point.range:
-            return f"with a {'moving' if point.curves else 'conditional'} point"
-    if len(path.points) < 2:
+    if lost := next((x.lost for x in given.points if x.lost), ""):
+        return lost
+    if len(given.points) < 2:
         return "of less than two points"
+    if given.points[0].range or given.points[-1].range:
+        return "with a conditional point at an end, where it has no length without it"
+    try:
+        shifts = [x.shifts for x in given.points]
+    except ModelError as error:
+        return f"with a moving point, whose {error.problems[0].field} {error.problems[0].text}"
+    places = [
+        x._replace(point=shifted(x.point, own, start)) for x, own in zip(given.points, shifts)
+    ]
+    path = given._replace(points=tuple(places))  # at the start
     between: dict[int, list[Obstacle]] = {}
     for wrap in path.wraps:
         if not wrap.obstacle.active:
@@ -144,19 +196,22 @@ def _ways(path: Path, at_start: AtStart) -> dict[str, Any] | str:
             return f"around a {wrap.obstacle.kind}"
         between.setdefault(_span(path, wrap, at_start), []).append(wrap.obstacle)
     via = list[Via]()
-    for k, point in enumerate(path.points):
+    for k, point in enumerate(given.points):
         if 0 < k < len(path.points) - 1:
-            via.append(Via(body=point.body, point=point.point))
+            fields = {"body": point.body, "point": point.point}
+            via.append(Via(**fields, shifts=shifts[k], when=point.when))
         if own := between.get(k):
             ends = [at_start(x.body, x.point) for x in path.points[k : k + 2]]
             way = ends[1] - ends[0]
             own.sort(key=lambda x, way=way: float(way @ at_start(x.body, x.at.place)))
             via += [_via(x, ends, at_start, alone=len(own) == 1) for x in own]
-    first, last = path.points[0], path.points[-1]
-    if first.body == GROUND:
-        first, last, via = last, first, via[::-1]
-    found: dict[str, Any] = {"body": first.body, "point": first.point}
-    return found | {"other": last.body, "other_point": last.point, "via": via}
+    ends = (given.points[0], shifts[0]), (given.points[-1], shifts[-1])
+    if ends[0][0].body == GROUND:
+        ends, via = ends[::-1], via[::-1]
+    (first, own), (last, other) = ends
+    found = dict[str, Any](body=first.body, point=first.point, shifts=own)
+    found |= {"other": last.body, "other_point": last.point, "other_shifts": other}
+    return found | {"via": via}
 
 
 def _span(path: Path, wrap: Wrap, at_start: AtStart) -> int:
@@ -326,7 +381,8 @@ class Paths:
                 path = file.socket(element, f"{axis}_coordinate").split("/")[-1]
                 still = curve.constant is not None
                 where.append(None if still else self.placed(path, element))
-            return PathPoint(name, body, ZERO, tuple(where), None, tuple(curves), at)
+            still = at.point(tuple(curve.constant or 0.0 for curve in curves))
+            return PathPoint(name, body, still, tuple(where), None, tuple(curves), at)
         point = at.point(file.numbers(element, "location", ZERO))
         if element.tag != "ConditionalPathPoint":
             return PathPoint(name, body, point)

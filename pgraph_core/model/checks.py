@@ -8,7 +8,7 @@ from typing import Any
 from .. import joints, words
 from ..errors import MOST_TOLD, Problem, choices, counted, shown
 from ..fields import EVERY, GROUND, Described, OfSums, name_problem
-from ..forces import BetweenPoints, Force, OnJoint, Tendon, legs_of
+from ..forces import BetweenPoints, Force, OnJoint, Shift, Tendon, Within, legs_of
 from ..joints import quaternion_problems
 from ..shapes import KINDS, kind_of
 from ..signals import written
@@ -279,11 +279,44 @@ def place_problems(part: Constraint | Force, where: str, bodies: Bodies) -> list
     ]
 
 
+def riding_problems(f: Force, where: str, bodies: Bodies) -> list[Problem]:
+    """Check the coordinates with which points of a path ride."""
+    if not isinstance(f, BetweenPoints):
+        return []
+    own: list[tuple[str, str, Any]] = [
+        ("shifts", "", f.shifts),
+        ("other_shifts", "", f.other_shifts),
+    ]
+    for k, via in enumerate(f.via, start=1):
+        own.append(("via", f"point {k}: ", (*via.shifts, *([via.when] if via.when else ()))))
+    found = list[Problem]()
+    for field, at, parts in own:
+        for one in parts:
+            if text := coordinate_problem(one, bodies):
+                found.append(Problem(where, field, f"{at}{text}"))
+    return found
+
+
+def coordinate_problem(one: Shift | Within, bodies: Bodies) -> str:
+    """Return why a point of a path cannot ride with a coordinate, or ""."""
+    if text := unknown(one.body, bodies):
+        return text
+    body = bodies[one.body]
+    if body is None:
+        return ""
+    if one.coordinate >= body.dof:
+        return joints.no_coordinate(one.body, body.dof, one.coordinate)
+    if not _has_position(body, one.coordinate):
+        text = f"coordinate {one.coordinate} of '{one.body}' is of a ball or free joint and has no "
+        return text + "value; name a hinge, slider, screw or curve"
+    return ""
+
+
 def path_problems(f: Force, where: str, bodies: Bodies) -> list[Problem]:
     """Check a path for unknown bodies, for spans without a length and for a constant length."""
-    found = place_problems(f, where, bodies)
+    found = place_problems(f, where, bodies) + riding_problems(f, where, bodies)
     body = bodies.get(f.body)
-    if found or not isinstance(f, BetweenPoints) or not f.via or body is None:
+    if found or not isinstance(f, BetweenPoints) or not f.via or body is None or f.rides:
         return found
     if {via.body for via in f.via} == {f.body} == {f.other}:
         text = f"all its points are on '{f.body}', so that its length is constant; put one of them "

@@ -8,7 +8,7 @@ from typing import Any
 
 from ..curves import VectorTable
 from ..fields import GROUND, AtPoint, Frozen, OfSums, Quat, Vec3, facts
-from ..forces import Between, Force, Wrench
+from ..forces import Between, BetweenPoints, Force, Wrench
 from ..joints import DIRECTED, SIZE, Motion
 from ..rotation import multiply
 from ..shapes import kind_of
@@ -257,6 +257,10 @@ class _Copy:
             used = [(part.body, part.coordinate)]
             if isinstance(part, OfTwo):
                 used.append((part.other, part.other_coordinate))
+        elif isinstance(part, BetweenPoints):
+            used = list(part.coordinates)
+            if any(name not in self.names for name, _ in used):
+                return False  # a coordinate outside the branch, as for expressions
         if isinstance(part, (Contact, Force)):
             read = read_by(part, self.outputs)
             if any(name not in self.names for name, _ in read):

@@ -9,13 +9,20 @@ from typing import Any, TypeVar
 from .. import joints, words
 from ..errors import ModelError, Problem, nearest
 from ..fields import Described, Frozen, OfKinds, OfSums, fields_of, listed
-from ..forces import Force, OnJoint, Tendon
+from ..forces import BetweenPoints, Force, OnJoint, Tendon
 from ..pulleys import without_segment
 from ..rotation import multiply, rotate
 from ..signals import signals_in, with_names
 from ..stateful import Stateful
 from .body import JOINT_FIELDS, Body
-from .checks import fits_joint, force_problems, output_problems, state_problems, sum_problems
+from .checks import (
+    coordinate_problem,
+    fits_joint,
+    force_problems,
+    output_problems,
+    state_problems,
+    sum_problems,
+)
 from .constraint import Constraint
 from .contact import Contact
 from .control import Control
@@ -222,6 +229,8 @@ def renamed(part: T, names: Mapping[str, str]) -> T:
         places = getattr(part, field)
         if any(place.body in names for place in places):
             update[field] = tuple(renamed(place, names) for place in places)
+    if isinstance(part, BetweenPoints) and any(x.body in names for x in part.riding):
+        update |= part.riding_with(lambda x: renamed(x, names), update.get("via"))
     if isinstance(part, (Force, Constraint, Contact, Control)):
         update |= renamed_in(part, names, "q", "v")
     return part.unchecked_copy(update) if update else part
@@ -284,6 +293,8 @@ def fitted(
         if isinstance(f, OfSums) and f.coefficients:
             springs = isinstance(f, Tendon) or (isinstance(f, OnJoint) and f.law.kp != 0)
             return not sum_problems(f, "", bodies, springs, ours=True)
+        if isinstance(f, BetweenPoints):
+            return all(x.body != name or not coordinate_problem(x, bodies) for x in f.riding)
         return f.body != name or not isinstance(f, OnJoint) or not force_problems([f], bodies)
 
     def cut(s: Scenario) -> Scenario:

@@ -29,6 +29,7 @@ from ..tracks import Track
 from . import Array, Ints, System, home_of, joint_coordinates, point_in_row, row_of_velocity
 from .cables import Segment, one_length, segments
 from .forces import Placed, terms_of
+from .pieces import pieces
 from .programs import of_coordinate, of_time
 
 GRAIN = EPS**0.5  # grain of a way over its length, which two steps of Newton's method make exact
@@ -258,18 +259,6 @@ def curve(q_of_t: Table | Sine | Polynomial, interpolation: str) -> tuple[tuple[
                 return (last,)
             pieces = q_of_t.spline(interpolation).c[::-1].T
             return (first, *((x, *map(float, piece)) for x, piece in zip(t, pieces)), last)
-
-
-def pieces(function: Pieces) -> tuple[tuple[float, ...], ...]:
-    """Return the rows for `curves` of a function in pieces."""
-    places, powers, end, repeats = function
-    found = np.zeros((len(places), at.KNOT))
-    found[:, at.PIECE_AT] = places
-    found[:-1, at.PIECE_POWERS : at.PIECE_POWERS + len(powers)] = powers.T
-    found[-1, at.PIECE_POWERS] = end
-    if repeats:
-        found[0, at.PIECE_RATE] = 1.0 / (places[-1] - places[0])
-    return tuple(map(tuple, found.tolist()))
 
 
 # -- all constraints of a model ------------------------------------------------------------

@@ -24,7 +24,8 @@ from ..model import Body, Force, Model, Table, Tendon
 from ..topology import Topology
 from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates, point_in_row
 from .cables import Segment, one_length, segments
-from .signals import NO_SIGNALS, limits_of, values_of_targets
+from .riders import NO_RIDERS, Riders
+from .signals import NO_SIGNALS, limits_of, states_of, values_of_targets
 
 
 def empty(kind: Load) -> tuple[Any, Array, Any]:
@@ -32,7 +33,7 @@ def empty(kind: Load) -> tuple[Any, Array, Any]:
     return table(kind.row, 0), np.zeros((0, kind.columns)), table(VIA, 0)
 
 
-NO_LOADS = Loads(*map(empty, LOADS), NO_SIGNALS)
+NO_LOADS = Loads(*map(empty, LOADS), NO_RIDERS, NO_SIGNALS)
 
 
 def on_bodies(forces: Sequence[Force]) -> list[OnBody]:
@@ -48,14 +49,26 @@ def exerts(f: Force) -> bool:
 class Placed:
     """Body poses and rows in a packed model, as required by `Places` of `forces`."""
 
-    def __init__(self, model: Model, topology: Topology, packed: System, home: Sequence[Array]):
-        """Store the model. `home` contains the body poses in the initial state."""
+    def __init__(
+        self, model: Model, topology: Topology, packed: System, home: Sequence[Array],
+        q: Array | None = None,
+    ):  # fmt: skip
+        """Store the model. `home` contains the body poses in the initial state, or at `q`."""
+        self._q = packed.q if q is None else q
         self.body, self.number, self.packed, self._home = model.body, topology.number, packed, home
         self._model = model
 
     def home(self, name: str) -> Array:
         """Return the home orientation of a body as a (3, 3) matrix."""
         return home_of(self.packed, self.number(name))
+
+    def home_of_number(self, number: int) -> Array:
+        """Return the home orientation (3, 3) of a body by its number."""
+        return home_of(self.packed, number)
+
+    def coordinate_at_start(self, name: str, k: int) -> float:
+        """Return coordinate k of the joint of a body in the initial state [rad, m]."""
+        return float(self._q[joint_coordinates(self.packed, self.number(name))[k][1]])
 
     def in_row(self, name: str, point: Any) -> Array:
         """Convert a point (3,) [m] from body axes to the home axes of its row."""
@@ -111,12 +124,17 @@ def loads(
     """Pack the loads in `forces`, given the bodies' poses in the initial state `home`."""
     at = Placed(model, topology, packed, home)
     ours = [[f for f in on_bodies(forces) if type(f) in kind.parts] for kind in LOADS]
-    tables = (_loads(kind, own, at) for kind, own in zip(LOADS, ours))
-    return Loads(*tables, NO_SIGNALS)
+    riders = Riders(at, len(packed.rows) + len(states_of(model)))
+    tables = [_loads(kind, own, at, riders) for kind, own in zip(LOADS, ours)]
+    for rows, _, _ in tables:
+        rows["room"] = riders.end
+    return Loads(*tables, riders.table(), NO_SIGNALS)
 
 
-def _loads(kind: Load, ours: Sequence[OnBody], at: Placed) -> tuple[Any, Array, Any]:
-    """Return (table, knots, via points) for all loads of one kind."""
+def _loads(
+    kind: Load, ours: Sequence[OnBody], at: Placed, riders: Riders
+) -> tuple[Any, Array, Any]:
+    """Return (table, knots, via points) for all loads of one kind, and add to the riders."""
     parts = [part for f in ours for part in kind.split(f, at)]
     found, (_, none, _) = table(kind.row, len(parts)), empty(kind)
     knots, places = [none], list[tuple[Any, ...]]()
@@ -127,9 +145,8 @@ def _loads(kind: Load, ours: Sequence[OnBody], at: Placed) -> tuple[Any, Array, 
         own = none if own is None else own
         one["first_knot"], one["knots"] = sum(map(len, knots)), len(own)
         knots.append(own)
-        own = at.vias(f)
+        own = riders.carry(f, one, at.vias(f))
         one["first_via"], one["vias"] = len(places), len(own)
-        one["room"] = len(at.packed.rows)
         places += own
     return found, np.concatenate(knots), rows_of(VIA, places)
 

@@ -116,7 +116,8 @@ class Packed:
         for i in np.flatnonzero(np.isnan(v[self.nv :])).tolist():  # fibres, behind activations
             at_rest = states_of(self.model)[i][2].at_rest
             assert at_rest is not None
-            at_q = Placed(self.model, self.topology, self.system, self.poses(q))
+            poses = self.poses(q)
+            at_q = Placed(self.model, self.topology, self.system, poses, q)
             v[self.nv + i] = at_rest(at_q, v[self.nv + i - 1])
         return q, v
 

@@ -25,7 +25,7 @@ from ..engine.stepping.measured import (
     TOUCH,
 )
 from ..fields import EMPTY
-from ..forces import Driven, OnJoint, Strut
+from ..forces import BetweenPoints, Driven, OnJoint, Shift, Strut
 from ..forces.strut import bends
 from ..functions import corners_of
 from ..model import Body, Force, Relation
@@ -331,6 +331,20 @@ class Program:
         x = self.of(Node("signal", signal=("q", body.name, k)))
         for end in body.track.corners:
             self.end_steps(x, self.number(end))
+
+    def watch_shifts(self, f: BetweenPoints) -> None:
+        """Let steps end where the second derivative of a point's shift jumps."""
+        for shift in f.riding:
+            if isinstance(shift, Shift):
+                x = Node("signal", signal=("q", shift.body, shift.coordinate))
+                for end in shift.corners:
+                    self.end_steps(self.of(x), self.number(end))
+
+    def within(self, x: Operand, low: float, high: float) -> Operand:
+        """Add 1 where a value is in a range, and 0 elsewhere."""
+        above = self.put(kernels.AT_MOST, self.apart(low), x)
+        below = self.put(kernels.AT_MOST, x, self.apart(high))
+        return self.put(kernels.CHOOSE, above, below, self.number(0.0))
 
     def watch_touches(self) -> None:
         """Let steps end where soft and penalty contacts touch."""

@@ -10,7 +10,8 @@ import numpy as np
 
 from .. import joints
 from ..engine import signals as kernels
-from ..engine.signals import DRIVE, LAW, STATES, TARGETS
+from ..engine.riders import COLUMN
+from ..engine.signals import DRIVE, GATE, LAW, STATES, TARGETS
 from ..engine.stepping.measured import (
     BOUND,
     CONSTRAINT,
@@ -19,7 +20,7 @@ from ..engine.stepping.measured import (
     TENSION,
 )
 from ..errors import ModelError, Problem, choices
-from ..forces import LOADS, Cable, LinearActuator, OnBody, OnJoint, Strut
+from ..forces import LOADS, BetweenPoints, Cable, LinearActuator, OnBody, OnJoint, Strut
 from ..model import Contact, Force, Model, Rope
 from ..model.expressions import TENSE
 from ..pulleys import segment_names
@@ -230,9 +231,45 @@ def signals(
             program.watch_relation(c)
         for body in model.cornered:
             program.watch_track(body)
+        for f in forces:
+            if isinstance(f, BetweenPoints):
+                program.watch_shifts(f)
+        gates = _gates(program, loads, forces, owner + len(rubbing))
+        owners = np.array([*owners.tolist(), *gates], np.int64).reshape(-1, TARGETS)
     if touching:
         program.watch_touches()
     return program.code(), owners, own
+
+
+def gated(forces: Sequence[Force]) -> tuple[BetweenPoints, ...]:
+    """Return the forces along paths with points that count in a range."""
+    paths = (f for f in forces if isinstance(f, BetweenPoints))
+    return tuple(f for f in paths if any(via.when is not None for via in f.via))
+
+
+def _gates(
+    program: Program, loads: Loads, forces: Sequence[Force], first: int
+) -> Iterator[tuple[int, ...]]:
+    """Yield the targets of points that count in a range: a run holds their side within a step.
+
+    The number of the first one among `gated` forces as an owner is `first`.
+    """
+    own = gated(forces)
+    owners = iter(
+        [
+            first + own.index(f)
+            for kind in LOADS
+            for f in own
+            if type(f) in kind.parts
+            for via in f.via
+            if via.when is not None
+        ]
+    )  # in the order of their rows
+    for n, one in enumerate(loads.riders[0]):
+        if one["gate"] >= 0:
+            x = program.put(kernels.Q, one["gate"], one["gate_v"])
+            number = program.within(x, one["low"], one["high"])
+            yield number, GATE, n, 1, COLUMN, next(owners), 0
 
 
 def values_of(

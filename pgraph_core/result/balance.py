@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..dynamics.paths import UNKEPT
 from ..dynamics.scene import force_sizes
 from ..errors import percent
 from ..packing import Array
@@ -59,8 +60,8 @@ def of_balance(run: Any, given: Sequence[str]) -> Iterator[str]:
             "although contacts only take energy: the steps do not resolve the contacts; give a "
             "smaller step"
         )
-    elif drift > VISIBLE and any(UNBOOKED in text for text in given):
-        yield f"{VIOLATED} {percent(drift)} of their range, with the impulses named above"
+    elif drift > VISIBLE and (named := _named(given)):
+        yield f"{VIOLATED} {percent(drift)} of their range, with the {named} named above"
     elif drift > VISIBLE and scale > SOLVED * _work_of_forces(run):
         fixed = run.header.get("step") is not None
         do = "a smaller step" if fixed else "a smaller rtol, or a step"
@@ -68,6 +69,13 @@ def of_balance(run: Any, given: Sequence[str]) -> Iterator[str]:
             f"{VIOLATED} {percent(drift)} of their range: the steps are too large for the power "
             f"of the forces, or skip a force; give {do}"
         )
+
+
+def _named(given: Sequence[str]) -> str:
+    """Return what other notices name that no energy contains, or ""."""
+    known = {UNBOOKED: "impulses", UNKEPT: "jumps of paths"}
+    found = (word for part, word in known.items() if any(part in text for text in given))
+    return " and ".join(found)
 
 
 def _work_of_forces(run: Any) -> float:

@@ -269,7 +269,7 @@ class Condition:
     def _tension(self, row: int, t: float, q: Array, v: Array) -> float:
         """Return the tension in a row of the forces along paths [N]."""
         scene = self.record.scene
-        found = np.zeros((sum(len(table) for table, *_ in scene.loads[:-1]), 3))
+        found = np.zeros((sum(len(table) for table, *_ in scene.loads.kinds), 3))
         motion.load_tensions(scene.address, t, q, v, found)
         return float(found[row, 0])
 

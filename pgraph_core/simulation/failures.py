@@ -13,6 +13,7 @@ from ..engine.signals import CONTROL, FAILED, LOST, OWNER, V, values
 from ..model import Contact, Control, Force
 from ..model.expressions import expressions_of
 from ..packing import Ints
+from ..packing.signals import gated
 from ..result import Status
 from ..tolerances import EPS, NOTABLE
 from .advice import for_failed
@@ -119,9 +120,8 @@ def readers(record: Running, row: int) -> list[Force | Contact | Control]:
 
 def _parts(record: Running, owners: Ints, controls: Ints) -> list[Force | Contact | Control]:
     """Return the parts whose expressions have these numbers."""
-    parts: list[Force | Contact | Control] = [
-        record.plan.varying[i] for i in np.unique(owners).tolist()
-    ]
+    known = (*record.plan.varying, *gated(record.plan.acting))
+    parts: list[Force | Contact | Control] = [known[i] for i in np.unique(owners).tolist()]
     return parts + [record.mech.model.stateful[i] for i in np.unique(controls).tolist()]
 
 

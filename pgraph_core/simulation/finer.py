@@ -25,6 +25,7 @@ from ..dynamics.scene import contact_tables
 from ..dynamics.states import differences
 from ..engine.signals import AT_MOST, HELD_FROM, LESS, NEAREST, SIDE, WHEN, values
 from ..engine.stepping.widths import GOLDEN
+from ..model.expressions import expressions_of
 from ..packing import Array, Ints
 from ..tolerances import EPS, SOLVED
 from .failures import readers
@@ -287,6 +288,8 @@ def grazed(record: Recording) -> list[Approach]:
                 return float(left - right)
 
             name = f"a threshold in the expression of '{read[0].name}'"
+            if not any(expressions_of(read[0])):
+                name = f"the range of a point of '{read[0].name}'"
             found.append(Approach(name, value, t, margin))
     return found
 

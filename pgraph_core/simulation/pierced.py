@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ..forces import BetweenPoints, Via, legs_of, ways_past
+from ..dynamics.paths import coordinates
+from ..forces import BetweenPoints, Via, at_state, legs_of, ways_past
 from ..forces.obstacle_rows import Past
 from ..forces.path import Place
 from ..packing import Array
@@ -44,7 +45,10 @@ def _inside(mech: Any, forces: Iterable[BetweenPoints], q: Array, t: float) -> I
 def _kinked(mech: Any, forces: Iterable[BetweenPoints], q: Array, t: float) -> Iterator[str]:
     """Yield a text about each path over obstacles in a row that is not straight between them."""
     rows = [
-        (f, leg) for f in forces for leg in legs_of(f, mech.model.body(f.body)) if len(leg[1]) > 1
+        (f, leg)
+        for f in forces
+        for leg in legs_of(_there(mech, f, q), mech.model.body(f.body))
+        if len(leg[1]) > 1
     ]
     at, turned = _places(mech, q) if rows else (None, None)
     for f, (p, past, end) in rows:
@@ -80,11 +84,16 @@ def within(
     """Yield (force, obstacle, body) of each point of a path inside an obstacle beside it."""
     at, turned = _places(mech, state)
     for f in forces:
-        for p, past, q in legs_of(f, mech.model.body(f.body)):
+        for p, past, q in legs_of(_there(mech, f, state), mech.model.body(f.body)):
             ends = ((past[0], p), (past[-1], q)) if past else ()
             for via, (name, point) in ends:
                 if _is_within(via, turned(via.body), at(name, point) - at(via.body, via.point)):
                     yield f, via, name
+
+
+def _there(mech: Any, f: BetweenPoints, q: Array) -> BetweenPoints:
+    """Return a force with the points of its path at a state."""
+    return at_state(f, mech.model.body(f.body), coordinates(mech.packed, q)) if f.rides else f
 
 
 def _places(mech: Any, state: Array) -> tuple[Any, Any]:

@@ -26,6 +26,7 @@ from ..result.records import (
 )
 from .advice import too_wide
 from .continuing import left_by
+from .jumping import jumped
 from .lifted import lifted
 from .means import means_between
 from .on_curves import on_curves
@@ -218,6 +219,7 @@ def notices(record: Recording) -> tuple[str, ...]:
         found += on_curves(record)
     if plan.wrapped:
         found += pierced(record)
+    found += jumped(record)
     if model.cabled:
         found += on_wheels(record)
         found += pushing(record)

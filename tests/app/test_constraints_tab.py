@@ -266,6 +266,30 @@ def test_via_points_are_added_typed_drawn_and_taken_out(state, kind):
     assert [x.body for x in state.model.forces[0].via] == ["ground"]
 
 
+def test_shifts_and_ranges_of_points_are_typed_as_text_and_drawn(state):
+    state = edit(add(state, "forces", "spring", "3", "1"), "forces", "spring", "via", ((), "2"))
+    at = [places.OF_VIA.index(name) for name in ("shifts", "when")]
+    shift, when = "3 (0 0 1) 0 0.1; 1 0.3", "2 -0.5 1.5"
+    state = edit(state, "forces", "spring", "via", ((0, at[0]), shift), ((0, at[1]), when))
+    (via,) = state.model.forces[0].via
+    assert (via.shifts[0].body, via.shifts[0].along, via.shifts[0].curve.value) == (
+        "3", (0, 0, 1), (0.1, 0.3),
+    )  # fmt: skip
+    assert (via.when.body, via.when.low, via.when.high) == ("2", -0.5, 1.5)
+    texts = [row["cells"][0]["value"] for row in rows_of(state, "via") if row["kind"] == "text"]
+    assert texts == [shift, when]
+    length = pg.Mechanism(state.model).path_length(pg.Mechanism(state.model).home()[0])[0]
+    assert pulls(state) == pytest.approx(length, rel=1e-12)
+    for k, text in ((at[0], "3 0 0 1"), (at[1], "2 1"), (at[1], "nobody 0 1")):
+        refused = edit(state, "forces", "spring", "via", ((0, k), text))
+        assert refused.model is state.model
+        assert reply(refused)
+    state = edit(state, "forces", "spring", "via", ((0, at[0]), ""), ((0, at[1]), ""))
+    assert not state.model.forces[0].rides
+    state = edit(state, "forces", "spring", "shifts", ((), shift))
+    assert [x.body for x in state.model.forces[0].shifts] == ["3"]
+
+
 def test_a_picked_via_point_is_in_the_axes_of_its_own_body(state):
     state = edit(add(state, "forces", "spring", "3", "1"), "forces", "spring", "via", ((), "2"))
     aim = Aim("point", "via", (0, 1), part="forces", name="spring")

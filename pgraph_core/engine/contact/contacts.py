@@ -9,8 +9,8 @@ from ..compiler.address import stored
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, I1, i8, plain, void
 from ..constraints.blocks import velocities
-from ..loads import apply
 from ..motion import CONTACT_FORCES, CONTACT_RECORD, SETTLE
+from ..pushes import apply
 from ..records import (
     ACCEPTANCE,
     ADDING,

@@ -15,6 +15,7 @@ from ..drives import drive
 from ..loads import apply_loads
 from ..motion import opened
 from ..motions import numbers_of
+from ..riders import drive_riders, move_riders, place_riders, unload_riders
 from ..rows import kind_of, q_of, v_of
 from ..tree.articulated import articulated, inboard, joint_acceleration
 from ..tree.kinematics import outboard, positions
@@ -40,7 +41,11 @@ def derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot):
     outboard(rows, const, work, q, v)
     linear = work[:, at.VELOCITY : at.VELOCITY + 3]
     moving(rows, const, work, v, linear)
+    place_riders(loads.riders, work, q)
+    move_riders(loads.riders, work, linear, q, v)
     more, lost = apply_loads(loads, work, linear, q, t)
+    unload_riders(loads.riders, work)
+    drive_riders(loads.riders, work, q, tau)
     inboard(rows, const, work, tau)
     joint_acceleration(rows, const, work, vdot)
     return put_in + more, dissipated + lost

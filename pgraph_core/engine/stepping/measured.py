@@ -17,15 +17,14 @@ from ..arrays import CONTACTS, TAU
 from ..compiler.address import stored
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, F2, f8, i8, void
-from ..constraints.blocks import velocities
 from ..constraints.constraints import wrenches
 from ..contact.touches import HOLDING, next_touch, relative_velocity, touching
 from ..drives import acting, own_torque
 from ..loads import tension_of_load
-from ..motion import call_acceleration, opened
+from ..motion import call_acceleration, locate_points, opened
 from ..records import FROZEN, columns
 from ..signals import ABS, HELD_FROM, NUMBER, SAMPLE, SIDE, sample_time
-from ..tree.kinematics import outboard, positions
+from ..tree.kinematics import outboard
 from ..vec import add_scaled, dot, load, scale, set_xyz, store, sub, xyz
 
 _, contacts_at = stored(CONTACTS)
@@ -157,8 +156,7 @@ def observe(scene, code, t, q, v):
         elif what == OF_LENGTH or what == OF_SPEED or what == TOUCH:
             if not located:
                 outboard(data.rows, data.const, work, q, v)
-                positions(data.rows, work)
-                velocities(data.rows, data.const, work, v, data.space.linear)
+                locate_points(data, q, v)
                 located = True
             if what == TOUCH:
                 code[i, MEASURE.value] = gap_ahead(scene, code[i, GAP_RANGE])

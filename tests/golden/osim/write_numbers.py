@@ -34,7 +34,8 @@ def follow(model, state, coordinates):
 
 def numbers(path, count=4):
     """Return coordinates (n, nq), frames of bodies (n, nb, 3, 4), markers (n, nm, 3), M (n, nu, nu)
-    in the order of coordinates, and the slope of each coordinate over each other one (n, nu, nu).
+    in the order of coordinates, the slope of each coordinate over each other one (n, nu, nu), and
+    lengths (n, muscles) and moment arms (n, muscles, nq) of muscles.
     """
     model = osim.Model(str(path))
     state = model.initSystem()
@@ -43,11 +44,13 @@ def numbers(path, count=4):
         model.getBodySet(),
         model.getMarkerSet(),
     )
+    muscles = model.getMuscles()
+    paths = [muscles.get(i).getGeometryPath() for i in range(muscles.getSize())]
     own = [coordinates.get(i) for i in range(coordinates.getSize())]
     names = [c.getName() for c in own]
     rng, found = (
         np.random.default_rng(1),
-        {"q": [], "frames": [], "marks": [], "M": [], "slope": []},
+        {"q": [], "frames": [], "marks": [], "M": [], "slope": [], "lengths": [], "arms": []},
     )
     places = []
     for c in own:
@@ -67,6 +70,8 @@ def numbers(path, count=4):
         found["frames"].append([np.c_[entries(x.R(), 3, 3), entries(x.p(), 3)] for x in poses])
         at = [markers.get(i).getLocationInGround(state) for i in range(markers.getSize())]
         found["marks"].append([entries(x, 3) for x in at])
+        found["lengths"].append([x.getLength(state) for x in paths])
+        found["arms"].append([[x.computeMomentArm(state, c) for c in own] for x in paths])
         M = osim.Matrix()
         model.getMatterSubsystem().calcM(state, M)
         found["M"].append(entries(M, M.nrow(), M.nrow())[np.ix_(places, places)])
@@ -74,9 +79,11 @@ def numbers(path, count=4):
         "coordinates": names,
         "bodies": [bodies.get(i).getName() for i in range(bodies.getSize())],
         "markers": [markers.get(i).getName() for i in range(markers.getSize())],
+        "muscles": [muscles.get(i).getName() for i in range(muscles.getSize())],
     }
 
 
 if __name__ == "__main__":
     for path in Path(__file__).parent.glob("*.osim"):
-        np.savez_compressed(path.with_suffix(".npz"), **numbers(path))
+        count = 30 if path.stem.startswith("points") else 4
+        np.savez_compressed(path.with_suffix(".npz"), **numbers(path, count))
