@@ -291,6 +291,14 @@ ROWS = [
     force("spring", "via", "points 1 and 2", "side", "jump", via=[
         {"body": "ball", "point": [0, 0, 0], "radius": 1, "axis": [0, 0, 1]},
         {"body": "arm", "point": [0, 0, 0], "radius": 1}]),
+    force("spring", "via", "radii", "> 0", "[1.0, 0.0, 1.0]", via=[
+        {"body": "ball", "point": [0, 0, 0], "radii": [1, 0, 1]}]),
+    force("spring", "via", "radius", "ellipsoid", "leave", via=[
+        {"body": "ball", "point": [0, 0, 0], "radius": 1, "radii": [1, 2, 1]}]),
+    force("spring", "via", "rotation", "ellipsoid", "radii", via=[
+        {"body": "ball", "point": [0, 0, 0], "radius": 1, "rotation": [1, 0, 0, 0]}]),
+    force("spring", "via", "rotation", "zero", via=[
+        {"body": "ball", "point": [0, 0, 0], "radii": [1, 2, 1], "rotation": [0, 0, 0, 0]}]),
     force("spring", "high", "via", "Strut", high=2, via=[{"body": "ball", "point": [0, 0, 0]}]),
     force("torsion", "axis", "zero", "[0.0, 0.0, 0.0]", axis=[0, 0, 0]),
     force("motor", "gear", "zero", gear=0),

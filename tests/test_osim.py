@@ -8,6 +8,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.cli import main
 from pgraph_core.formats.osim_functions import simm_rows
+from pgraph_core.formats.osim_text import turned
 from pgraph_core.rotation import matrix
 from tests.refusals import assert_names
 
@@ -292,6 +293,30 @@ def test_a_moving_point_has_shifts_of_splines_and_parabolas(read, powers, loaded
         assert shift.curve.coefficients == (0.02, 0.1, 0.2)
     else:
         assert_names("\n".join(model.lost), "moving", "degree 3", "hamstring")
+
+
+EGG = """<WrapObjectSet><objects><WrapEllipsoid name="round"><quadrant>all</quadrant>
+<xyz_body_rotation>0.3 -0.2 0.5</xyz_body_rotation><translation>0 -0.3 0</translation>
+<dimensions>0.08 0.05 0.04</dimensions></WrapEllipsoid></objects></WrapObjectSet></Body>"""
+# flexion [rad], and the length of OpenSim 4.6 [m]
+OVER_EGG = (
+    (-0.6, 1.0070034014121996), (0.1, 1.0017989793402), (0.6, 0.9832791600405496),
+    (0.9, 0.9685859354920358),
+)  # fmt: skip
+
+
+def test_a_path_over_an_ellipsoid_is_no_longer_than_that_of_opensim(read):
+    """OpenSim's own lengths and moment arms over ellipsoids disagree by up to 1e-3 m."""
+    muscle = MUSCLE.replace("0.1 0 0<", "0.02 0.05 0.01<").replace("0.1 0.2 0<", "0.03 0.2 0<")
+    model, report = read(bodies=LEG.replace("</Body>", EGG), ForceSet=muscle)
+    assert report.loaded
+    assert_names("\n".join(model.lost), "ellipsoids")
+    obstacle, _ = model.forces[0].via
+    assert (obstacle.radii, obstacle.radius) == ((0.08, 0.05, 0.04), None)
+    np.testing.assert_allclose(matrix(obstacle.rotation), turned((0.3, -0.2, 0.5)), atol=1e-15)
+    mech = pg.Mechanism(model)
+    for q, expected in OVER_EGG:
+        assert -2e-5 < mech.path_length([q])[0] - expected < 2e-7
 
 
 @pytest.mark.parametrize(

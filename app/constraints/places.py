@@ -86,6 +86,15 @@ def points(
 
 OF_VIA = tuple(pg.Via.model_fields)  # whose numbers stand in the indices of their cells
 BESIDE = 0.4  # largest radius of a new obstacle over the distance to the nearest other point
+ELLIPSOIDS = ("radii", "rotation")  # fields of these alone, and those of spheres and cylinders
+ROUND = ("radius", "axis", "inner")
+
+
+def belongs(key: str, place: pg.Via) -> bool:
+    """Check whether a field of a point of a path is shown for it."""
+    if key == "point" or not place.is_obstacle:
+        return key == "point"
+    return key not in (("axis", "inner") if place.radii is not None else ("rotation",))
 
 
 def path(
@@ -126,8 +135,11 @@ def path(
     elif key == "when":
         place[key] = riding.range_of(model, text)
     else:
-        new = content(text, "number" if key == "axis" else "length", display)
-        old = new if key == "radius" else tuple(place.get(key) or (0.0, 0.0, 0.0))
+        new = content(text, "number" if key in ("axis", "rotation") else "length", display)
+        others = {"radius": ELLIPSOIDS, "radii": ROUND}.get(key, ())
+        place = places[i] = {name: x for name, x in place.items() if name not in others}
+        start = {"radii": (new,) * 3, "rotation": (1.0, 0.0, 0.0, 0.0)}.get(key, (0.0, 0.0, 0.0))
+        old = new if key == "radius" else tuple(place.get(key) or start)
         place[key] = replaced(old, tuple(component), new)
     return tuple(places)
 

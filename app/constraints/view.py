@@ -509,7 +509,7 @@ def _path(
     """Return the rows of each point of a path: its body, the point and those of an obstacle."""
     shows, found = about(item, name), list[Payload]()
     for i, (place, row) in enumerate(zip(getattr(item, name), map(dict, cells[name]))):
-        radius = "" if place.radius else f"{places.round_at(model, item, i, at)} m"
+        radius = "" if place.is_obstacle else f"{places.round_at(model, item, i, at)} m"
         found.append(
             field(name, f"Via {i + 1}", [cell((i, 0), place.body)], kind="names",
                   options=[GROUND], help=shows.help,
@@ -519,7 +519,7 @@ def _path(
         for number, key in enumerate(places.OF_VIA[1:], start=1):
             if key in ("shifts", "when"):
                 found += _of_ride(name, (i, number), key, place)
-            elif key == "point" or place.radius is not None:
+            elif places.belongs(key, place):
                 found.append(_of_place(name, (i, number), key, place, row.get(key), display))
     more = field(name, "+ via", [cell((), "")], kind="names", options=[NO_BODY, GROUND],
                  help=shows.help)  # fmt: skip
@@ -596,7 +596,7 @@ def _of_station(
 
 def _of_ride(name: str, index: tuple[int, int], key: str, place: pg.Via) -> list[Payload]:
     """Return the row with the displacements of a point, or with the range in which it counts."""
-    if place.radius is not None:
+    if place.is_obstacle:
         return []
     shows = about(place, key)
     text, says = riding.text_of_range(place.when), "such as shank -0.8 0.2 [rad, m]"
@@ -610,7 +610,7 @@ def _of_place(
     name: str, index: tuple[int, int], key: str, place: Any, value: Any, display: Display
 ) -> Payload:
     """Return the row of a field of a point of a path: a number, or a vector that can be picked."""
-    shows, direction = about(place, key), key == "axis"
+    shows, direction = about(place, key), key in ("axis", "rotation")
     of, unit = ("number", "") if direction else ("length", display.length)
     if key == "inner":
         options = [("", "past it"), ("yes", "through it")]
@@ -620,8 +620,9 @@ def _of_place(
     if key == "radius":
         one = cell(index, shown(value, of, display))
         return field(name, shows.label, [one], unit=unit, help=shows.help)
-    row = [cell((*index, k), shown(x, of, display)) for k, x in enumerate(value or (None,) * 3)]
-    pick = "axis" if direction else "point"
+    numbers = value or (None,) * (4 if key == "rotation" else 3)
+    row = [cell((*index, k), shown(x, of, display)) for k, x in enumerate(numbers)]
+    pick = {"axis": "axis", "radii": "", "rotation": ""}.get(key, "point")
     return field(name, shows.label, row, unit=unit, help=shows.help, pick=pick)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.fields import GROUND
 from pgraph_core.forces import BetweenPoints, at_state, lines_of
+from pgraph_core.forces.obstacles import obstacle_of, turned_by
 from pgraph_core.packing.cable_lines import Lying, cable_lines, cables_of
 from pgraph_core.packing.signals import states_of
 from pgraph_core.result.bodies import body_poses
@@ -349,7 +350,7 @@ def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> dict[str, Jo
             else:
                 lead("springs", line, COIL * grain, of)
         for via in f.via:
-            key = via.body, via.point, via.radius, via.axis
+            key = via.body, via.point, via.radius, via.axis, via.radii, via.rotation
             vias[key] = via, of if vias.get(key, (via, of))[1] == of else None
     for c in model.constraints:
         if isinstance(c, pg.Distance) and c.active:
@@ -362,6 +363,8 @@ def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> dict[str, Jo
         for wheel, axis in bare(model, cable.part.through):
             wheels[wheel.body, wheel.point, wheel.radius] = turn(wheel.body) @ axis
     for via, of in vias.values():
+        if via.radii is not None:
+            continue
         centre, half = at(via.body, via.point), via.radius or 0.5 * BEAD * grain
         if via.axis is not None:
             half = 0.5 * half * turn(via.body) @ unit_vector(via.axis)
@@ -374,11 +377,33 @@ def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> dict[str, Jo
         centre, half = at(name, point), 0.5 * RIM * radius * axis
         found["drums"].append(Span(centre - half, centre + half, 2 * radius))
     drawn = {kind: _between(spans) for kind, spans in found.items()}
+    eggs = [(via, of) for via, of in vias.values() if via.radii is not None]
+    drawn["balls"] = _with_ellipsoids(drawn["balls"], eggs, at, turn)
     a = np.clip(np.array(active), 0.0, 1.0)[:, None]
     drawn["muscles"] = drawn["muscles"]._replace(
         colors=((1.0 - a) * AT_REST + a * ACTIVE).round() if active else None
     )
     return drawn | {"pivots": pivots(state)}
+
+
+def _with_ellipsoids(
+    balls: Joining, eggs: Sequence[tuple[pg.Via, Part | None]], at: Any, turn: Any
+) -> Joining:
+    """Return balls and ellipsoids, which are balls of three widths."""
+    if not eggs:
+        return balls
+    turns = [turned_by(obstacle_of(via), turn(via.body))["axes"].reshape(3, 3) for via, _ in eggs]
+    size = 2.0 * np.array([via.radii for via, _ in eggs])
+    middle = np.array([at(via.body, via.point) for via, _ in eggs])
+    up = 0.5 * size[:, 2, None] * np.array(turns)[:, :, 2]
+    own = (
+        np.stack((middle - up, middle + up), axis=1),
+        middle,
+        shapes.to_wxyz(np.array(turns)),
+        size,
+    )
+    solids = (np.concatenate(pair) for pair in zip(balls[:4], own))
+    return Joining(*solids, (*balls.of, *(of for _, of in eggs)))
 
 
 @of_model

@@ -39,7 +39,7 @@ from .vec import add, add_scaled, cross, dot, mul, scale, sub, xyz
 
 # shapes of stations, behind those of obstacles: a point, a wheel over which it slides, a wheel that
 # it grips
-EYE, WHEEL, GRIP = 3, 4, 5
+EYE, WHEEL, GRIP = 4, 5, 6
 FULL_TURN = 2.0 * math.pi
 
 # of a wheel, beside the fields of an obstacle: its `radius` is signed, and from its `side`, in the

@@ -25,7 +25,17 @@ from ..engine import layout as at
 from ..engine.compiler.elementary import sine_cosine
 from ..engine.compiler.jit import kernel, part, sweep
 from ..engine.compiler.kinds import F1, F2, array_of, f8, read
-from ..engine.compiler.masks import any_of, both, chosen, either, larger, more, smaller, without
+from ..engine.compiler.masks import (
+    any_of,
+    both,
+    chosen,
+    either,
+    larger,
+    more,
+    most,
+    smaller,
+    without,
+)
 from ..engine.records import table
 from ..engine.rows import point_of, rotation_of, set_origin, set_rotation
 from ..engine.vec import (
@@ -39,6 +49,7 @@ from ..engine.vec import (
     load3,
     load9,
     mat_mul,
+    matrix,
     mul,
     mul_t,
     scale,
@@ -49,9 +60,11 @@ from ..engine.vec import (
     xyz,
 )
 from ..rotation import Array
-from ..tolerances import EPS, SOLVED, TINY
+from ..tolerances import ROUNDING, SOLVED, TINY
 from .base import VIA
+from .obstacle_ellipsoids import geodesic, over, past_ellipsoid, spread_of
 from .obstacles import (
+    ELLIPSOID,
     SHORTER,
     SPHERE,
     THROUGH,
@@ -61,6 +74,7 @@ from .obstacles import (
     obstacle_of,
     picked,
     through,
+    turned_by,
     unit,
 )
 
@@ -81,7 +95,15 @@ def passed(via, count, work, p, q):
     turn = rotation_of(work, via.row)
     axis, side = mul(turn, xyz(via.axis)), mul(turn, xyz(via.side))
     a, b = sub(p, c), sub(q, c)
-    if via.sided == THROUGH:
+    if via.shape == ELLIPSOID:
+        own = mat_mul(turn, matrix(via.axes))
+        sided = SHORTER if count > 1 else via.sided
+        free, length, start, first, last, stop = past_ellipsoid(
+            xyz(via.radii), sided, mul_t(own, side), mul_t(own, a), mul_t(own, b)
+        )
+        start, first = mul(own, start), mul(own, first)
+        last, stop = mul(own, last), mul(own, stop)
+    elif via.sided == THROUGH:
         free, length, start, first, last, stop = through(via.shape, via.radius, axis, a, b)
     else:
         sided = SHORTER if count > 1 and via.shape == SPHERE else via.sided
@@ -97,6 +119,13 @@ def across(u, x):
     return add_scaled(x, -dot(u, x), u)
 
 
+@part
+def on_ellipsoid(own, radii, x):
+    """Return the point of an ellipsoid in the direction x from its centre, in world axes."""
+    apart = over(mul_t(own, x), radii)
+    return scale(1.0 / math.sqrt(dot(apart, apart) + TINY), x)
+
+
 @sweep
 def beside(via, work, p, q):
     """Return a point of an obstacle in a row on its side, near the line from p to q."""
@@ -104,6 +133,9 @@ def beside(via, work, p, q):
     turn = rotation_of(work, via.row)
     u, side = mul(turn, xyz(via.axis)), mul(turn, xyz(via.side))
     begin, ahead = sub(p, c), sub(q, p)
+    if via.shape == ELLIPSOID:
+        own = mat_mul(turn, matrix(via.axes))
+        return add(c, on_ellipsoid(own, xyz(via.radii), side))
     flat = across(u, ahead)
     s = -dot(flat, across(u, begin)) / (dot(flat, flat) + TINY)
     height = dot(u, add_scaled(begin, smaller(larger(s, 0.0), 1.0), ahead))
@@ -114,10 +146,14 @@ def beside(via, work, p, q):
 def pushed(via, work, y):
     """Return a point, moved out of an obstacle onto its surface if it is inside."""
     c = point_of(xyz(via.point), work, via.row)
-    u = mul(rotation_of(work, via.row), xyz(via.axis))
-    out = across(u, sub(y, c))
-    far = math.sqrt(dot(out, out) + TINY)
-    return add_scaled(y, larger(via.radius / far - 1.0, 0.0), out)
+    turn = rotation_of(work, via.row)
+    out = across(mul(turn, xyz(via.axis)), sub(y, c))
+    if via.shape == ELLIPSOID:
+        apart = over(mul_t(mat_mul(turn, matrix(via.axes)), out), xyz(via.radii))
+        far = math.sqrt(dot(apart, apart) + TINY)
+    else:
+        far = math.sqrt(dot(out, out) + TINY) / via.radius
+    return add_scaled(y, larger(1.0 / far - 1.0, 0.0), out)
 
 
 @sweep
@@ -136,11 +172,25 @@ def placed_between(first, count, room, vias, work, p, q):
 
 
 @part
+def is_within(via, work, x):
+    """Check whether a point is inside an obstacle."""
+    turn = rotation_of(work, via.row)
+    out = sub(x, point_of(xyz(via.point), work, via.row))
+    if via.shape == ELLIPSOID:
+        return is_inside(over(mul_t(mat_mul(turn, matrix(via.axes)), out), xyz(via.radii)), 1.0)
+    return is_inside(across(mul(turn, xyz(via.axis)), out), via.radius)
+
+
+@part
 def normal_at(via, work, x):
     """Return the unit normal of an obstacle at a point on it."""
     c = point_of(xyz(via.point), work, via.row)
-    u = mul(rotation_of(work, via.row), xyz(via.axis))
-    return unit(across(u, sub(x, c)))
+    turn = rotation_of(work, via.row)
+    if via.shape == ELLIPSOID:
+        own, radii = mat_mul(turn, matrix(via.axes)), xyz(via.radii)
+        apart = mul_t(own, sub(x, c))
+        return unit(mul(own, over(over(apart, radii), radii)))
+    return unit(across(mul(turn, xyz(via.axis)), sub(x, c)))
 
 
 @part
@@ -180,11 +230,22 @@ def second_slopes(via, work, p, q, found, exact):
         s, c = sine_cosine(on / via.radius)
         s, curved = via.radius * s, -s / via.radius
         s, c, curved = chosen(exact, s, on), chosen(exact, c, 1.0), exact * curved
+        onward = c
+    elif via.shape == ELLIPSOID:
+        own = mat_mul(rotation_of(work, via.row), matrix(via.axes))
+        centre = point_of(xyz(via.point), work, via.row)
+        c, curved, s, onward = spread_of(
+            xyz(via.radii), mul_t(own, sub(q, centre)), mul_t(own, sub(first, centre)),
+            mul_t(own, start), without(exact, free),
+        )  # fmt: skip
+        s, c = chosen(exact, s, on), chosen(exact, c, 1.0)
+        curved, onward = exact * curved, chosen(exact, onward, 1.0)
     else:
         s, c = on, 0.0 * on + 1.0
+        onward = c
     a = c + reach_q * curved
-    b = reach_p * a + s + reach_q * c
-    d = reach_p * curved + c
+    b = reach_p * a + s + reach_q * onward
+    d = reach_p * curved + onward
     n_p = picked(free, any_normal(start), normal_at(via, work, first))
     n_q = picked(free, n_p, normal_at(via, work, last))
     b_p, b_q = cross(start, n_p), cross(stop, n_q)
@@ -247,13 +308,13 @@ def end_of_way(k, count, room, work, q):
 
 
 @sweep
-def eliminated(first, count, room, vias, work, p, q, exact):
-    """Return the length of a path by the present points, its largest kink, squared, and 1 if a
-    shortest path is near, or else 0.
+def eliminated(first, count, room, vias, work, p, q, exact, gathers):
+    """Return the length of a path by the present points, its largest kink, squared, 1 if a
+    shortest path is near, or else 0, and 1 if a point is inside an obstacle.
 
     Writes for each point what is left of its row of Newton's equations.
     """
-    total, kink, least = 0.0 * p[0], 0.0 * p[0], 0.0 * p[0] + 1.0
+    total, kink, least, inside = 0.0 * p[0], 0.0 * p[0], 0.0 * p[0] + 1.0, 0.0 * p[0]
     none = outer(total, p, p)
     end, stop, behind, coupled, carried = p, p, none, none, scale(0.0, p)
     for k in range(count):
@@ -263,6 +324,10 @@ def eliminated(first, count, room, vias, work, p, q, exact):
         by_p, by_q, by_both = second_slopes(via, work, begin, after, found, exact)
         total += found[1]
         if k > 0:
+            within = either(
+                is_within(vias[first + k - 1], work, begin), is_within(via, work, begin)
+            )
+            inside = either(inside, within)
             slope = sub(stop, found[2])
             kink = larger(kink, dot(slope, slope))
             along = unit(add(stop, found[2]))
@@ -270,7 +335,8 @@ def eliminated(first, count, room, vias, work, p, q, exact):
             stiff = own[0] + own[4] + own[8]
             middle = sub(scale(0.5, add(end, found[3])), begin)
             own = add9(own, outer(stiff, along, along))
-            left = sub(scale(stiff * dot(along, middle), along), add(slope, carried))
+            shift = gathers * stiff * dot(along, middle)
+            left = sub(scale(shift, along), add(slope, carried))
             own = add9(own, coupled)
             least = both(least, is_positive(own))
             inverse = inverse9(own)
@@ -282,7 +348,7 @@ def eliminated(first, count, room, vias, work, p, q, exact):
             coupled = mat_mul(transpose(scaled9(-1.0, by_both)), ahead)
             carried = mul_t(by_both, right)
         end, stop, behind = found[4], found[5], by_q
-    return total, kink, least
+    return total, kink, least, inside
 
 
 @sweep
@@ -309,26 +375,33 @@ def settle(first, count, room, vias, work, p, q):
     """Find the points that divide the shortest path from p to q over `count` obstacles in a row.
 
     They are in `count` - 1 rows of the workspace, from `room` on. Returns the largest kink,
-    squared. A step to a longer path is undone, and a shorter one follows, as if the obstacles were
-    flat.
+    squared. A step to a longer path, or into an obstacle, is undone, and a smaller part of one
+    follows, which moves no point along its line. Where no shortest path is near, it is a step as if
+    the obstacles were flat, whose parts grow: the path slips off an obstacle there.
     """
     placed_between(first, count, room, vias, work, p, q)
     none = 0.0 * p[0]
     for _ in range(GATHERINGS):
-        eliminated(first, count, room, vias, work, p, q, none)
+        eliminated(first, count, room, vias, work, p, q, none, none + 1.0)
         gathered(count, room, work)
     least, kink, exact, part_of, left = none + 1.0 / TINY, none, none + 1.0, none + 1.0, none
-    left, undone = left + LAST_ROUNDS, none
+    left, stepped, flat = left + LAST_ROUNDS, none, none
     for _ in range(MOST_ROUNDS):
-        length, kink, convex = eliminated(first, count, room, vias, work, p, q, exact)
+        gathers = most(1.0, part_of)
+        length, kink, convex, inside = eliminated(
+            first, count, room, vias, work, p, q, exact, gathers
+        )
         rough = more(kink, SOLVED * SOLVED)
-        longer = both(more(length, least * (1.0 + 8.0 * EPS)), rough)
-        least = smaller(least, length)
-        ready = without(more(left, 0.0), longer)
-        moved(count, room, work, longer, chosen(both(ready, convex), part_of, 0.0))
-        grown = chosen(undone, part_of, smaller(2.0 * part_of, 1.0))
-        part_of, undone = chosen(longer, 0.5 * part_of, grown), longer
-        exact = chosen(longer, 0.0, convex)
+        longer = either(inside, both(more(length, least * (1.0 + ROUNDING)), rough))
+        longer = both(longer, stepped)
+        least = chosen(stepped, smaller(least, length), length)
+        grown = chosen(flat, 2.0 * part_of, smaller(2.0 * part_of, 1.0))
+        part_of = chosen(longer, 0.5 * part_of, chosen(stepped, grown, part_of))
+        stepped = both(without(more(left, 0.0), longer), convex)
+        flat = without(1.0, exact)
+        step = chosen(flat, part_of, smaller(part_of, 1.0))
+        moved(count, room, work, longer, chosen(stepped, step, 0.0))
+        exact = either(longer, convex)
         left = chosen(either(rough, without(1.0, convex)), left, left - 1.0)
         if not any_of(more(left, 0.0)):
             break
@@ -348,9 +421,7 @@ def path_over(vias, p, q, work, out):
     if count > 1:
         kink = settle(0, count, 1, vias, work, p, q)
         for k in range(2 * (count - 1)):
-            via = vias[(k + 1) // 2]
-            apart = sub(load(work, 1 + k // 2, PLACE), xyz(via.point))
-            kink = max(kink, is_inside(across(xyz(via.axis), apart), via.radius))
+            kink = max(kink, is_within(vias[(k + 1) // 2], work, load(work, 1 + k // 2, PLACE)))
     for k in range(count):
         begin, end = start_of_way(k, 1, work, p), end_of_way(k, count, 1, work, q)
         free, length, start, first, last, stop = passed(vias[k], count, work, begin, end)
@@ -381,9 +452,7 @@ def past_obstacles(
     """
     vias, work = table(VIA, len(past)), np.zeros((1 + len(past), at.WORK))
     for one, via, (turn, centre) in zip(vias, past, places):
-        given = obstacle_of(via)
-        for name in ("axis", "side"):
-            given[name] = turn @ given[name]
+        given = turned_by(obstacle_of(via), turn)
         for name, value in (*given.items(), ("point", centre)):
             one[name] = value
     p, q = np.ascontiguousarray(p, float), np.ascontiguousarray(q, float)
@@ -402,5 +471,9 @@ def _part(via: Any, out: Array, ends: tuple[Array, Array]) -> Past:
     a, b = ends
     along = length - float(np.linalg.norm(first - a) + np.linalg.norm(last - b))
     centre = via["point"]
+    if via["shape"] == ELLIPSOID:
+        own = via["axes"].reshape(3, 3)
+        arc = geodesic(via["radii"], (first - centre) @ own, start @ own, along) @ own.T
+        return Past(length, False, first, last, np.concatenate((centre + arc, last[None])))
     arc = centre + arc_of(via["radius"], via["axis"], start, first - centre, along)
     return Past(length, False, first, last, arc)

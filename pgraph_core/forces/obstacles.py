@@ -1,4 +1,5 @@
-"""Round obstacles on which paths lie: spheres and cylinders between two points.
+"""Round obstacles on which paths lie: points and directions, and the closed forms past spheres and
+cylinders.
 
 The shortest path past a cylinder is a straight line on its unrolled surface: with the length l of
 its projection along the axis, and the distance h of its ends along the axis, it is √(l² + h²) long.
@@ -22,11 +23,12 @@ from ..engine.compiler.jit import part, sweep
 from ..engine.compiler.masks import any_of, both, chosen, either, larger, more, most, smaller
 from ..engine.records import INTEGER, REAL
 from ..engine.vec import add_scaled, cross, dot, scale, sub
-from ..rotation import Array, unit_vector
+from ..rotation import Array, matrix, unit_vector
+from ..rotation import unit as unit_quaternion
 from ..tolerances import EPS, SOLVED, TINY
 
-POINT, SPHERE, CYLINDER = range(3)
-LAST_OBSTACLE = CYLINDER
+POINT, SPHERE, CYLINDER, ELLIPSOID = range(4)
+LAST_OBSTACLE = ELLIPSOID
 # the way on the shorter side, that on the side of a point, or the one through the obstacle
 SHORTER, BESIDE, THROUGH = range(3)
 TURN = 2.0 * math.pi
@@ -40,6 +42,8 @@ OBSTACLE = {
     "radius": REAL,
     "axis": (REAL, 3),  # of a cylinder, home axes of the row
     "side": (REAL, 3),  # from the centre to the point on whose side the path lies, the same axes
+    "radii": (REAL, 3),  # half axes of an ellipsoid, and its frame in the same axes, row by row
+    "axes": (REAL, 9),
 }
 
 
@@ -234,13 +238,25 @@ def follow_each_other(vias: Any) -> bool:
 
 def obstacle_of(via: Any) -> dict[str, Any]:
     """Return the numbers of an obstacle, or of a point, in the axes of its body."""
-    if via.radius is None:
-        return {"shape": POINT, "sided": SHORTER, "radius": 0.0, "axis": NONE, "side": NONE}
-    side = NONE if via.side is None else np.subtract(via.side, via.point)
+    shape = POINT
+    if via.radii is not None:
+        shape = ELLIPSOID
+    elif via.radius is not None:
+        shape = SPHERE if via.axis is None else CYLINDER
+    turn = np.eye(3) if via.rotation is None else matrix(unit_quaternion(via.rotation))
     return {
-        "shape": SPHERE if via.axis is None else CYLINDER,
+        "shape": shape,
         "sided": THROUGH if via.inner else SHORTER if via.side is None else BESIDE,
-        "radius": via.radius,
+        "radius": via.radius or 0.0,
         "axis": NONE if via.axis is None else unit_vector(via.axis),
-        "side": side,
+        "side": NONE if via.side is None else np.subtract(via.side, via.point),
+        "radii": NONE if via.radii is None else np.array(via.radii),
+        "axes": turn,
     }
+
+
+def turned_by(given: dict[str, Any], turn: Array) -> dict[str, Any]:
+    """Return the numbers of an obstacle in axes in which those of its body are the columns of
+    `turn`."""
+    own = {name: turn @ given[name] for name in ("axis", "side", "axes")}
+    return {**given, **own, "axes": own["axes"].ravel()}

@@ -23,6 +23,7 @@ from ..fields import (
     Flag,
     Frozen,
     Number,
+    Quat,
     Text,
     Vec3,
     field,
@@ -50,13 +51,17 @@ class Via(Frozen):
     A point may move in its body by `shifts` with joint coordinates, and count only `when` a
     coordinate is in a range: outside of it, the path leads from the point before to the next one.
 
-    With a `radius`, `point` is the centre of a sphere, or with an `axis` that of a cylinder. The
-    path touches it without friction, on its shorter side or on that of the point `side`, and leaves
-    it where it is straight without it. If it is `inner`, the path leads through it as through a
-    ring, and is straight where the straight line meets it.
+    With a `radius`, `point` is the centre of a sphere, or with an `axis` that of a cylinder. With
+    `radii` it is the centre of an ellipsoid, whose axes are turned by `rotation`. The path touches
+    it without friction, on its shorter side or on that of the point `side`, and leaves it where it
+    is straight without it. If it is `inner`, the path leads through it as through a ring, and is
+    straight where the straight line meets it.
     """
 
-    FOLLOWERS: ClassVar[dict[str, tuple[str, ...]]] = {"radius": ("axis", "side", "inner")}
+    FOLLOWERS: ClassVar[dict[str, tuple[str, ...]]] = {
+        "radius": ("axis", "side", "inner"),
+        "radii": ("rotation", "side"),
+    }
 
     body: Text = field("the name of a body, or 'ground'", label="Body")
     point: Vec3 = field(
@@ -97,19 +102,54 @@ class Via(Frozen):
         """True if it moves in its body, or counts in a range only."""
         return bool(self.shifts) or self.when is not None
 
+    radii: Vec3 | None = field(
+        "three lengths > 0 [m], or None",
+        converter=maybe_vector, default=None, label="Half axes", dim=M, since=9,
+        help="half axes of an ellipsoid; default: no ellipsoid",
+    )  # fmt: skip
+    rotation: Quat | None = field(
+        "a nonzero quaternion [w, x, y, z] in the axes of its `body`, or None",
+        default=None, role="frame", since=9,
+        help="orientation of an ellipsoid; default: along the axes of its body",
+    )  # fmt: skip
+
+    @property
+    def is_obstacle(self) -> bool:
+        """True if it is an obstacle, and no point."""
+        return self.radius is not None or self.radii is not None
+
+    @property
+    def largest(self) -> float:
+        """The radius of an obstacle, or the largest half axis [m]."""
+        return max(self.radii) if self.radii is not None else self.radius or 0.0
+
     @model_validator(mode="after")
     def _round(self) -> Self:
         refuse_no_direction(axis=self.axis)
-        if self.radius is not None and self.rides:
+        if self.is_obstacle and self.rides:
             text = "is of a point, and this one is an obstacle; leave it or the radius out, or put "
             text += "the obstacle on a body that moves"
             refuse([("shifts" if self.shifts else "when", text)])
         given = [
-            name for name in ("axis", "side", "inner") if getattr(self, name) not in (None, False)
+            name
+            for name in ("axis", "side", "inner", "rotation")
+            if getattr(self, name) not in (None, False)
         ]
-        if self.radius is None and given:
+        if given and not self.is_obstacle:
             text = "belongs to an obstacle; give its radius [m], such as radius=0.02, or leave it"
             refuse([(given[0], f"{text} out for a point")])
+        if self.radii is not None:
+            if not min(self.radii) > 0.0:
+                refuse([("radii", f"must be three lengths > 0 [m], got {shown(self.radii)}")])
+            for name in ("radius", "axis", "inner"):
+                if getattr(self, name) not in (None, False):
+                    text = "is of a sphere or cylinder, and `radii` make an ellipsoid; leave one "
+                    refuse([(name, f"{text}of them out")])
+            if self.rotation is not None and not any(self.rotation):
+                refuse([("rotation", "a quaternion must not be zero")])
+        elif self.rotation is not None:
+            text = "is of an ellipsoid; give its `radii` [m], such as radii=[0.03, 0.02, 0.02], or "
+            refuse([("rotation", f"{text}leave it out")])
         if self.inner and self.side is not None:
             text = "is of a path past an obstacle, and this one is `inner`; leave one of them out"
             refuse([("side", text)])
@@ -138,7 +178,7 @@ class BetweenPoints(AtPoint, Between):
     )  # fmt: skip
     via: tuple[Via, ...] = field(
         "a list of points (body, [x, y, z]) [m] between both ends, in their order, and obstacles "
-        "{'body': name, 'point': [x, y, z], 'radius': length}",
+        "{'body': name, 'point': [x, y, z], 'radius': length}, or with 'radii': [a, b, c]",
         converter=parts_of(Via), default=(), role="parts", since=9,
         help="points between both ends, or round obstacles, which it passes without friction",
     )  # fmt: skip
@@ -211,7 +251,7 @@ class BetweenPoints(AtPoint, Between):
     @model_validator(mode="after")
     def _has_a_way_without(self) -> Self:
         """Refuse a point between two obstacles that does not always count."""
-        round_ = [False, *(via.radius is not None for via in self.via), False]
+        round_ = [False, *(via.is_obstacle for via in self.via), False]
         for k, via in enumerate(self.via, start=1):
             if via.when is None:
                 continue
@@ -230,7 +270,7 @@ class BetweenPoints(AtPoint, Between):
     def _passes_in_a_row(self) -> Self:
         """Refuse a ring beside an obstacle, and an obstacle there whose side may change."""
         for k, pair in enumerate(itertools.pairwise(self.via), start=1):
-            if None in (pair[0].radius, pair[1].radius):
+            if not all(via.is_obstacle for via in pair):
                 continue
             text = f"points {k} and {k + 1} are obstacles that follow each other, and one of them "
             if any(via.inner for via in pair):
@@ -290,7 +330,7 @@ def legs_of(f: BetweenPoints, body: Any) -> Iterator[tuple[Place, tuple[Via, ...
     """Yield (point, obstacles, next point) of a path, with points as in `path_of`."""
     start, past = path_of(f, body)[0], list[Via]()
     for via, place in zip((*f.via, None), path_of(f, body)[1:]):
-        if via is not None and via.radius is not None:
+        if via is not None and via.is_obstacle:
             past.append(via)
         else:
             yield start, tuple(past), place

@@ -49,6 +49,8 @@ class ForcesOut(Places):
             elif any(len(past) > 1 for past in self._obstacles(f)):
                 text = "a path over obstacles without a point between them"
                 self.out(f"force '{f.name}'", text)
+            elif any(via.radii is not None for past in self._obstacles(f) for via in past):
+                self.out(f"force '{f.name}'", "a path over an ellipsoid")
             elif isinstance(f, Spring) and not f._varies:
                 limits = {"range": span(f.low or 0.0, f.high)} if any(ends_of(f)) else {}
                 numbers = {"stiffness": f.stiffness, "damping": f.damping}

@@ -85,7 +85,7 @@ class Forces:
             if np.abs(first - second).max() > NOTABLE:
                 text = "its frames are turned against each other at the start; they stay so here"
                 self.report.add("warning", self.file.where(element), text)
-        on_cylinders = 0
+        curved = 0
         for muscle in self.muscles:
             control = self.controls.get(muscle.name, 0.0)
             made = muscle_of(
@@ -98,10 +98,12 @@ class Forces:
                 self._lost(muscle.element, made)
             else:
                 self.forces.append(made)
-                on_cylinders += any(via.axis is not None for via in made.via)
-        if on_cylinders:
-            text = f"{on_cylinders} paths lie on cylinders, which have no ends here, and take the "
-            text += "shortest way, which those of OpenSim do not always"
+                curved += any(via.axis is not None or via.radii is not None for via in made.via)
+        if curved:
+            text = (
+                f"{curved} paths lie on cylinders, which have no ends here, or on ellipsoids, and "
+            )
+            text += "take the shortest way, which those of OpenSim do not always"
             self.report.add("approximated", self.file.name, text, acts=True)
         for (text, acts), elements in self.lost.items():
             names = choices(shown(x.get("name")) for x in elements)

@@ -13,7 +13,7 @@ from ..errors import ModelError, shown
 from ..fields import GROUND
 from ..forces import BetweenPoints, LinearActuator, Shift, Strut, Via, Within
 from ..forces.riding import CoordinateOf, shifted
-from ..rotation import unit_vector
+from ..rotation import quaternion_of, unit_vector
 from ..tolerances import TINY
 from .osim_functions import Curve, function_of
 from .osim_text import Array, Document, Element, Pose, turned
@@ -192,7 +192,7 @@ def _ways(given: Path, at_start: AtStart, start: CoordinateOf) -> dict[str, Any]
     for wrap in path.wraps:
         if not wrap.obstacle.active:
             continue
-        if wrap.obstacle.kind not in ("WrapSphere", "WrapCylinder"):
+        if wrap.obstacle.kind == "WrapTorus":
             return f"around a {wrap.obstacle.kind}"
         between.setdefault(_span(path, wrap, at_start), []).append(wrap.obstacle)
     via = list[Via]()
@@ -236,28 +236,31 @@ def _apart(obstacle: Obstacle, ends: Sequence[Array], at_start: AtStart) -> tupl
 def _centred(obstacle: Obstacle, at_start: AtStart) -> tuple[Array, Array]:
     """Return the centre of an obstacle, and the axis of a cylinder or zero, at the start."""
     centre = at_start(obstacle.body, obstacle.at.place)
-    if obstacle.kind == "WrapSphere":
+    if obstacle.kind != "WrapCylinder":
         return centre, np.zeros(3)
     return centre, at_start(obstacle.body, obstacle.at.point((0.0, 0.0, 1.0))) - centre
 
 
 def _via(obstacle: Obstacle, ends: Sequence[Array], at_start: AtStart, *, alone: bool) -> Via:
     """Return an obstacle of a path, in a row with the side on which the line is at the start."""
-    at, radius = obstacle.at, obstacle.sizes[0]
+    sizes = obstacle.sizes[:1] if obstacle.kind == "WrapCylinder" else obstacle.sizes
+    at, far = obstacle.at, 2.0 * max(sizes)
     side = None
     if obstacle.quadrant != "all":
         sign = -1.0 if obstacle.quadrant[0] == "-" else 1.0
         way = sign * np.eye(3)["xyz".index(obstacle.quadrant[-1])]
-        side = at.point(2.0 * radius * way)
+        side = at.point(far * way)
     elif not alone:
         centre = at_start(obstacle.body, at.place)
         way = _apart(obstacle, ends, at_start)[1]
         units = [at_start(obstacle.body, at.place + x) - centre for x in np.eye(3)]
         way = np.array(units) @ unit_vector(way if way.any() else units[0])
-        side = tuple((at.place + 2.0 * radius * way).tolist())
-    axis = None if obstacle.kind == "WrapSphere" else tuple(at.turn[:, 2].tolist())
-    place = tuple(at.place.tolist())
-    return Via(body=obstacle.body, point=place, radius=radius, axis=axis, side=side)
+        side = tuple((at.place + far * way).tolist())
+    found: dict[str, Any] = {"body": obstacle.body, "point": tuple(at.place.tolist()), "side": side}
+    if obstacle.kind == "WrapEllipsoid":
+        return Via(**found, radii=obstacle.sizes, rotation=quaternion_of(at.turn))
+    axis = tuple(at.turn[:, 2].tolist()) if obstacle.kind == "WrapCylinder" else None
+    return Via(**found, radius=obstacle.sizes[0], axis=axis)
 
 
 FIELDS = {  # fields of muscles: names in the file, and their values without them

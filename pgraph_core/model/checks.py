@@ -321,7 +321,7 @@ def path_problems(f: Force, where: str, bodies: Bodies) -> list[Problem]:
     if {via.body for via in f.via} == {f.body} == {f.other}:
         text = f"all its points are on '{f.body}', so that its length is constant; put one of them "
         return [Problem(where, "via", f"{text}on another body or on the ground")]
-    points = [k for k, via in enumerate(f.via, start=1) if via.radius is None]
+    points = [k for k, via in enumerate(f.via, start=1) if not via.is_obstacle]
     names = ["point", *(f"point {k} of via" for k in points), "other_point"]
     for k, ((one, a), past, (two, b)) in enumerate(legs_of(f, body)):
         if not past and one == two and tuple(a) == tuple(b):

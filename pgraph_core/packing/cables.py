@@ -291,7 +291,7 @@ def _row(one: Station, at_: Any, packed: Any) -> tuple[Any, ...]:
     none = np.zeros(3)
     rough = one.pulley.friction or 0.0
     station = frame, coordinate, one.gear, 0.0, rough
-    return row, body, point, shape, 0, one.signed, axis, none, *station
+    return row, body, point, shape, 0, one.signed, axis, none, none, np.zeros(9), *station
 
 
 def carrier_of(one: Station, model: Any) -> str:

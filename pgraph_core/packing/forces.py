@@ -19,7 +19,7 @@ from ..errors import ModelError, Problem
 from ..fields import GROUND, OfSums
 from ..forces import LOADS, VIA, Load, OnBody, OnJoint
 from ..forces.cable import Part
-from ..forces.obstacles import obstacle_of
+from ..forces.obstacles import obstacle_of, turned_by
 from ..model import Body, Force, Model, Table, Tendon
 from ..topology import Topology
 from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates, point_in_row
@@ -153,8 +153,7 @@ def _loads(
 
 def _packed_via(via: Any, at: Placed) -> tuple[Any, ...]:
     """Return the fields of VIA for a point or an obstacle."""
-    body, home, given = at.number(via.body), at.home(via.body), obstacle_of(via)
-    given |= {name: home @ given[name] for name in ("axis", "side")}
+    body, given = at.number(via.body), turned_by(obstacle_of(via), at.home(via.body))
     station = 0, 0, 0.0, 0.0, 0.0
     return at.packed.row_of(body), body, at.in_row(via.body, via.point), *given.values(), *station
 

@@ -58,7 +58,7 @@ class Riders:
             return list(vias)
         path = [self._point(f.body, one["point_a"], f.shifts)]
         for via, row in zip(f.via, vias):
-            round_ = via.radius is not None
+            round_ = via.is_obstacle
             path.append(Point(row[0], row[1], np.array(row[2]), via.shifts, via.when, round_))
         path.append(self._point(f.other, one["point_b"], f.other_shifts))
         for k, point in enumerate(path):

@@ -1,5 +1,6 @@
 """Notices about paths past obstacles in a frame of a run: with a point inside an obstacle beside
-it, or without a shortest way over obstacles that follow each other."""
+it, or without a shortest way over obstacles that follow each other, and about paths that slip off
+an obstacle between two frames."""
 
 from __future__ import annotations
 
@@ -12,16 +13,20 @@ import numpy as np
 from ..dynamics.paths import coordinates
 from ..forces import BetweenPoints, Via, at_state, legs_of, ways_past
 from ..forces.obstacle_rows import Past
+from ..forces.obstacles import ELLIPSOID, obstacle_of, turned_by
 from ..forces.path import Place
 from ..packing import Array
+from ..result.slopes import BESIDE
 from ..rotation import unit_vector
 from ..tolerances import SOLVED, TINY
 from .running import Running
 
+HALVINGS = 30  # of an interval between frames, to a change by its slope below SOLVED
+
 
 def pierced(record: Running) -> Iterator[str]:
-    """Yield a notice about the first path with a point inside an obstacle, in the frames, and one
-    about the first path without a shortest way.
+    """Yield a notice about the first path with a point inside an obstacle, in the frames, one about
+    the first path without a shortest way, and one about each path that slips off an obstacle.
 
     A point that is inside between two frames is not seen.
     """
@@ -31,13 +36,17 @@ def pierced(record: Running) -> Iterator[str]:
     paths = record.plan.wrapped
     for text in (_inside, _kinked) if paths else ():
         yield from itertools.islice((x for t, q in states for x in text(mech, paths, q, t)), 1)
+    for f in paths:
+        for leg in legs_of(f, mech.model.body(f.body)):
+            if _may_slip(leg[1]):
+                yield from _slipped(mech, f, leg, states)
 
 
 def _inside(mech: Any, forces: Iterable[BetweenPoints], q: Array, t: float) -> Iterator[str]:
     for f, via, name in within(mech, forces, q):
         yield (
             f"{f.kind} '{f.name}': its point on '{name}' is inside the obstacle of radius "
-            f"{via.radius:.6g} m on '{via.body}' at t = {t:.6g} s, and the path jumps to the "
+            f"{via.largest:.6g} m on '{via.body}' at t = {t:.6g} s, and the path jumps to the "
             "straight line; move the point outside"
         )
 
@@ -78,6 +87,56 @@ def _beyond(
             yield bool((near + s * ahead) @ (at(via.body, via.side) - centre) < 0.0)
 
 
+def _may_slip(past: Sequence[Via]) -> bool:
+    """Check whether the shortest way over obstacles may end on its side: not over cylinders."""
+    held = len(past) > 1 or any(via.radii is not None and via.side is not None for via in past)
+    return held and any(via.axis is None for via in past)
+
+
+def _slipped(
+    mech: Any, f: BetweenPoints, leg: tuple[Place, tuple[Via, ...], Place], states: Sequence[Any]
+) -> Iterator[str]:
+    """Yield a text if the length of a leg jumps where it changes least evenly between frames.
+
+    The interval is halved, each time to the half whose change differs most from that by the slopes
+    at its ends. A change that remains is a jump.
+    """
+
+    def length(q: Array) -> float:
+        at, turned = _places(mech, q)
+        return sum(way.length for way in ways_past(leg[1], at, turned, leg[0], leg[2])[0])
+
+    def slope(a: Array, b: Array, s: float, width: float) -> float:
+        ahead, behind = (a + (s + x * BESIDE * width) * (b - a) for x in (1.0, -1.0))
+        return (length(ahead) - length(behind)) / (2.0 * BESIDE * width)
+
+    if len(states) < 2:
+        return
+    change = np.diff([length(q) for _, q in states])
+    uneven = np.abs(
+        change - 0.5 * (np.r_[change[:1], change[:-1]] + np.r_[change[1:], change[-1:]])
+    )
+    k = int(uneven.argmax() if len(change) > 2 else np.abs(change).argmax())
+    (t, a), (end, b) = states[k : k + 2]
+    ends = [(s, length(a + s * (b - a)), slope(a, b, s, 1.0)) for s in (0.0, 1.0)]
+    for _ in range(HALVINGS):
+        middle, width = 0.5 * (ends[0][0] + ends[1][0]), ends[1][0] - ends[0][0]
+        one = middle, length(a + middle * (b - a)), slope(a, b, middle, width)
+        halves = [(ends[0], one), (one, ends[1])]
+        ends = max(
+            halves, key=lambda x: abs(x[1][1] - x[0][1] - 0.25 * width * (x[0][2] + x[1][2]))
+        )
+    jump = abs(ends[1][1] - ends[0][1])
+    if jump > SOLVED * ends[0][1]:
+        names = " and ".join(dict.fromkeys(f"'{via.body}'" for via in leg[1]))
+        yield (
+            f"{f.kind} '{f.name}': its path slips over an obstacle on {names} at t = "
+            f"{t + ends[0][0] * (end - t):.6g} s to another way, as no shortest way is held on a "
+            f"side of a sphere or ellipsoid: its length jumps by {jump:.3g} m, and energy is lost "
+            "or gained; give a cylinder in its place, or put a point between the obstacles"
+        )
+
+
 def within(
     mech: Any, forces: Iterable[BetweenPoints], state: Array
 ) -> Iterator[tuple[BetweenPoints, Via, str]]:
@@ -113,8 +172,9 @@ def _places(mech: Any, state: Array) -> tuple[Any, Any]:
 
 def _is_within(via: Via, turn: Array, a: Array) -> bool:
     """Check whether a point a [m], relative to the centre of an obstacle, is inside it."""
-    assert via.radius is not None, "it is round"
-    if via.axis is not None:
-        u = turn @ unit_vector(via.axis)
-        a = a - (u @ a) * u
-    return bool(np.dot(a, a) < via.radius**2 * (1.0 - SOLVED))
+    own = turned_by(obstacle_of(via), turn)
+    if own["shape"] == ELLIPSOID:
+        a = a @ own["axes"].reshape(3, 3) / own["radii"]
+    else:
+        a = (a - (own["axis"] @ a) * own["axis"]) / own["radius"]
+    return bool(np.dot(a, a) < 1.0 - SOLVED)

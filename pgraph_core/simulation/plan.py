@@ -262,7 +262,7 @@ def _what_acts(
 def _wrapped(forces: tuple[Force, ...]) -> tuple[BetweenPoints, ...]:
     """Return the forces along paths past obstacles."""
     paths = (f for f in forces if isinstance(f, BetweenPoints))
-    return tuple(f for f in paths if any(via.radius is not None for via in f.via))
+    return tuple(f for f in paths if any(via.is_obstacle for via in f.via))
 
 
 def _forces(

@@ -670,5 +670,18 @@ def test_a_point_of_a_path_becomes_an_obstacle_with_an_axis_and_a_side():
     state = typed(((0, 5), "yes"))
     assert state.model.forces[0].via[0].inner
     assert not typed(((0, 5), "")).model.forces[0].via[0].inner
+    state = typed(((0, 6, 0), "0.03"))  # a sphere becomes an ellipsoid with the same axes
+    found = state.model.forces[0].via[0]
+    assert (found.radii, found.radius, found.inner) == ((0.03, 0.03, 0.03), None, False)
+    assert labels() == ["Via 1", "Point", "Radius", "Side", "Half axes", "Rotation"]
+    assert [b["text"] for b in rows_of(state, "via")[0]["buttons"]] == ["×"]
+    state = typed(((0, 6, 1), "0.02"), ((0, 7, 3), "1"))
+    found = state.model.forces[0].via[0]
+    assert (found.radii, found.rotation) == ((0.03, 0.02, 0.03), (1.0, 0.0, 0.0, 1.0))
+    R = shapes.to_matrix(state.derived.wxyz)
+    balls = marks.joinings(state, state.derived.positions, R)["balls"]
+    assert balls.size[0] == pytest.approx([0.06, 0.04, 0.06])
+    state = typed(((0, 2), "0.05"))
+    assert (state.model.forces[0].via[0].radius, state.model.forces[0].via[0].radii) == (0.05, None)
     state = typed(((0, 2), ""))
     assert state.model.forces[0].via == via
