@@ -32,6 +32,7 @@ from .signals import (
     begin_states,
     follow_signals,
     gives_rates,
+    leave_to_loads,
     put_rates,
     take_from_loads,
     take_samples,
@@ -137,11 +138,16 @@ def begin_controls(scene, t, near, q, v):
     """Give the states of controls their first values at t, then take the samples within `near`."""
     data = opened(scene)
     loads = data.loads
-    begin_states(loads.signals, t, q, v)
+    begin_states(loads.signals, t, q, v, False)
     if gives_rates(loads.signals[2]):
-        follow(data, t, q, v)
-        find_rates(data, t, q, v)
-        take_from_loads(loads.signals, loads, v)
+        for _ in range(loads.signals[2].shape[0]):
+            follow(data, t, q, v)
+            leave_to_loads(loads.signals, loads)
+            find_rates(data, t, q, v)
+            changed = take_from_loads(loads.signals, loads, v)
+            begin_states(loads.signals, t, q, v, True)
+            if not changed:
+                break
     take_samples(loads.signals, t, near, q, v)
 
 

@@ -9,7 +9,7 @@ import math
 
 from .compiler.elementary import acos, asin, atan, cos, exp, log, power, sin, tan
 from .compiler.jit import kernel, part, sweep
-from .compiler.kinds import F1, F2, I2, f8, void
+from .compiler.kinds import F1, F2, I2, f8, i8, void
 from .loads import LOADS, number_in_knots, put_in_knots
 
 COLUMNS, OWN_COLUMNS = 5, 4
@@ -290,14 +290,18 @@ def put_rates(signals, loads, tau):
 
 
 @sweep
-def begin_states(signals, t, q, v):
-    """Give the states of controls their first values, some of which may follow from others."""
+def begin_states(signals, t, q, v, settled):
+    """Give the states of controls their first values, some of which may follow from others.
+
+    Those whose rates are computed with the loads keep their values if they are `settled`.
+    """
     code, _, states = signals
     first = v.shape[0] - states.shape[0]
     for _ in range(states.shape[0] + 1):
         evaluate(code, 0, code.shape[0] // 2, t, q, v)
         for n in range(states.shape[0]):
-            v[first + n] = code[2 * states[n, START] + 1, 0]
+            if states[n, 0] >= 0 or not settled:
+                v[first + n] = code[2 * states[n, START] + 1, 0]
 
 
 @part
@@ -310,21 +314,34 @@ def gives_rates(states):
 
 
 @sweep
-def take_from_loads(signals, loads, v):
-    """Copy the states whose rates loads give from the knots, where loads give them a value."""
+def leave_to_loads(signals, loads):
+    """Let loads find the states whose rates they give, as they do where the knots have none."""
     _, _, states = signals
     for n in range(states.shape[0]):
         if states[n, 0] < 0 and states[n, READER] > 0:
             kind, knot = states[n, READER] - 1, states[n, KNOT_OF]
-            v[v.shape[0] - states.shape[0] + n] = number_in_knots(
-                loads, kind, knot, states[n, IN_KNOT]
-            )
+            put_in_knots(loads, kind, knot, states[n, IN_KNOT], math.nan)
 
 
-@kernel(void(F2, I2, f8, F1, F1), later=True)
-def first_values(code, states, t, q, v):
-    """Write the first values of the states of controls behind the velocities."""
-    begin_states((code, states, states), t, q, v)
+@sweep
+def take_from_loads(signals, loads, v):
+    """Copy the states whose rates loads give from the knots. Returns True if one has changed."""
+    _, _, states = signals
+    first, changed = v.shape[0] - states.shape[0], False
+    for n in range(states.shape[0]):
+        if states[n, 0] < 0 and states[n, READER] > 0:
+            kind, knot = states[n, READER] - 1, states[n, KNOT_OF]
+            found = number_in_knots(loads, kind, knot, states[n, IN_KNOT])
+            changed = changed or v[first + n] != found
+            v[first + n] = found
+    return changed
+
+
+@kernel(void(F2, I2, f8, F1, F1, i8), later=True)
+def first_values(code, states, t, q, v, settled):
+    """Write the first values of the states of controls behind the velocities, see
+    `begin_states`."""
+    begin_states((code, states, states), t, q, v, settled == 1)
 
 
 @part

@@ -112,13 +112,20 @@ class Packed:
         signals = self.loads((), states=True).signals if signals is None else signals
         none = np.zeros(self.run.nv - self.nv)
         q, v = np.append(q[: self.nq], none), np.append(v[: self.nv], none)
-        first_values(signals[0].copy(), signals[2], t, q, v)
-        for i in np.flatnonzero(np.isnan(v[self.nv :])).tolist():  # fibres, behind activations
-            at_rest = states_of(self.model)[i][2].at_rest
-            assert at_rest is not None
-            poses = self.poses(q)
-            at_q = Placed(self.model, self.topology, self.system, poses, q)
-            v[self.nv + i] = at_rest(at_q, v[self.nv + i - 1])
+        code, states = signals[0].copy(), signals[2]
+        first_values(code, states, t, q, v, 0)
+        parts = enumerate(states_of(self.model), start=self.nv)
+        resting = [(i, own.at_rest) for i, (_, _, own) in parts if own.at_rest is not None]
+        if not resting:
+            return q, v
+        at_q = Placed(self.model, self.topology, self.system, self.poses(q), q)
+        for _ in states:  # fibres, which follow from activations, some of which follow from fibres
+            before = v.copy()
+            for i, at_rest in resting:
+                v[i] = at_rest(at_q, v[i - 1])
+            first_values(code, states, t, q, v, 1)
+            if np.array_equal(before, v, equal_nan=True):
+                break
         return q, v
 
     @cached_property
