@@ -90,7 +90,7 @@ def jump_text(packed: Packed, jumps: Sequence[Jump], when: str = "") -> str:
         name = jump.when.body
         if packed.model.body(name).dof > 1:
             name += f".{jump.when.coordinate}"
-        return f"by {1e3 * abs(jump.size):.3f} mm where q of '{name}' is {jump.at:.6g}"
+        return f"by {1000 * abs(jump.size):.3f} mm where q of '{name}' is {jump.at:.6g}"
 
     f, points = jumps[0].force, choices(str(k) for k in sorted({x.number for x in jumps}))
     each = " and ".join(dict.fromkeys(map(place, jumps)))

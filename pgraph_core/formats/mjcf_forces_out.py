@@ -196,6 +196,8 @@ class ForcesOut(Places):
         if not isinstance(f.input, float):
             self.out(where, "an expression" if isinstance(f.input, str) else "a table over time")
             return
+        if f.name not in self.paths:  # reported with its path
+            return
         given, (low, high) = self._given(f, where), f.inputs
         one = Tag("general", name=f.name, tendon=self.paths[f.name])
         one.set(gainprm=(f.gain,), biastype="affine")
@@ -208,6 +210,8 @@ class ForcesOut(Places):
 
     def _muscle(self, f: Muscle, where: str) -> Iterator[Tag]:
         """Yield the actuator of a muscle."""
+        if f.name not in self.paths and f.model == "mujoco":  # reported with its path
+            return
         if f.name not in self.paths:
             self.out(where, f"a muscle of model '{f.model}'; MuJoCo has its own alone")
             return

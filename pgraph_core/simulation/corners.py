@@ -40,8 +40,8 @@ class Corners:
         stiff &= (spring["rest"] != 0.0) | (spring["vias"] > 0)
         presses = (pulls != 0.0) | (stops != 0.0) | (strut["vias"] > 0)
         found = [
-            ("spring", _spans(loads.spring, stiff), self._lengths),
-            ("strut", _spans(loads.strut, presses), self._lengths),
+            ("spring", _spans(loads.spring, loads.riders[0], stiff), self._lengths),
+            ("strut", _spans(loads.strut, loads.riders[0], presses), self._lengths),
             ("torsion", torsion, self._twists),
             ("bushing", bushing[turns], self._turns),
         ]
@@ -118,15 +118,19 @@ class Corners:
         return turn, np.pi - np.linalg.norm(turn, axis=1)
 
 
-def _spans(own: Any, chosen: Array) -> Any:
-    """Return the straight spans of chosen loads along paths, as records of their two ends."""
-    table, _, vias = own
-    found = []
+def _spans(own: Any, riders: Any, chosen: Array) -> Any:
+    """Return the straight spans of chosen loads along paths, as records of their two ends.
+
+    There are none beside a point that counts in a range, where switches of a run bring jumps.
+    """
+    (table, _, vias), found = own, []
+    ranged = set(riders["row"][riders["gate"] >= 0].tolist())
     for one in table[chosen]:
         inside = vias[one["first_via"] : one["first_via"] + one["vias"]]
         rows = [one["row_a"], *inside["row"], one["row_b"]]
         points = [one["point_a"], *inside["point"], one["point_b"]]
-        round_ = [False, *(inside["shape"] != POINT), False]
+        round_ = [x["shape"] != POINT or int(x["row"]) in ranged for x in inside]
+        round_ = [False, *round_, False]
         ends = zip(rows, points, rows[1:], points[1:], round_, round_[1:])
         found += [(one["body_a"], a, p, b, q) for a, p, b, q, *past in ends if not any(past)]
     return np.array(found, SPAN)

@@ -312,3 +312,10 @@ def test_a_ball_joint_shifts_no_point():
     with pytest.raises(ModelError) as refused:
         pg.Model(bodies=[ball], forces=[f])
     assert_names(str(refused.value), "'s'", "shifts", "ball", "hinge")
+
+
+@pytest.mark.parametrize("points", [(MOVING,), (RANGED,)])
+def test_mjcf_has_no_such_points_and_the_writer_says_so(points, tmp_path):
+    model = leg(*points).add(pg.LinearActuator(name="l", body="shank", via=points, input=1.0))
+    report = pg.write_mjcf(model, tmp_path / "leg.xml")
+    assert_names(str(report), "'s'", "'l'", "range")
