@@ -402,8 +402,8 @@ def _with_ellipsoids(
         shapes.to_wxyz(np.array(turns)),
         size,
     )
-    solids = (np.concatenate(pair) for pair in zip(balls[:4], own))
-    return Joining(*solids, (*balls.of, *(of for _, of in eggs)))
+    ends, middles, wxyz, sizes = (np.concatenate(pair) for pair in zip(balls[:4], own))
+    return Joining(ends, middles, wxyz, sizes, (*balls.of, *(of for _, of in eggs)))
 
 
 @of_model
