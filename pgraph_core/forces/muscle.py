@@ -130,8 +130,9 @@ class Muscle(Stateful, BetweenPoints, Driven):
             text = f"must be > 0 for an elastic tendon, got {shown(self.l_slack)}; or give "
             refuse([("l_slack", f"{text}tendon='rigid'")])
         if self.is_elastic and not self.of_model("damping") > 0.0 and self._ends_flat():
-            text = f"must be > 0 with an elastic tendon: the force of model '{self.model}' does not "
-            refuse([("damping", f"{text}change beyond the largest speed; or give tendon='rigid'")])
+            text = f"must be > 0 with an elastic tendon: the force of model '{self.model}' does "
+            text += "not change beyond the largest speed; or give tendon='rigid'"
+            refuse([("damping", text)])
         refuse(self._input_problems())
         return self
 
