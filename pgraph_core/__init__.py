@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from .capture.identify import identify_inertia as identify_inertia
     from .capture.moments import Moments as Moments
     from .capture.moments import joint_moments as joint_moments
+    from .capture.scaling import Scaling as Scaling
+    from .capture.scaling import scale as scale
     from .capture.tracking import Tracking as Tracking
     from .capture.tracking import track as track
     from .capture.trial import Plate as Plate

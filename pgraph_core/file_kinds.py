@@ -60,6 +60,12 @@ KINDS = (
         "X3D", rb'Kaydara FBX|; FBX|#VRML V|BLENDER',
     ),
     FileKind("npz", "contains a run; use pg.Result.load"),
+    FileKind(
+        "c3d trc mot sto",
+        "is a trial of motion capture; give it with a model: pgraph track MODEL FILE, or "
+        "pg.read_trial",
+        sign=rb"PathFileType",
+    ),
     ARCHIVE,
     FileKind(
         "png jpg jpeg gif svg mp4 pdf html htm csv tsv mat h5 yaml yml toml txt md py m pkl gz",

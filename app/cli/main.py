@@ -17,7 +17,7 @@ from pathlib import Path
 import pgraph_models
 from pgraph_core.errors import InputError, PgraphError, Problem, needed, plain
 
-from . import models, paths, run, study  # noqa: F401  they make commands
+from . import capture, models, paths, run, study  # noqa: F401  they make commands
 from .terminal import (
     COMMANDS,
     FILES,

@@ -14,7 +14,7 @@ from ..errors import InputError, Problem, choices, counted, explained, nearest_n
 from ..forces import Muscle
 from ..forces.muscle import tension_with_rigid_tendon
 from ..packing import Array
-from ..tolerances import NOTABLE, SOLVED, step_of_differences
+from ..tolerances import NOTABLE, ROUNDING, SOLVED, step_of_differences
 
 STEPS = 200  # the most steps of an optimisation, which takes about ten
 STEP = step_of_differences(2)  # by an activation, in which tensions are linear or nearly so
@@ -43,6 +43,8 @@ def activations(mech: Dynamics, torques: Mapping[str, float], q: Array, v: Array
     rows = [mech.path_names.index(f.name) for f in muscles]
     lengths, arms = mech.path_length(q)[rows], mech.moment_arms(q)[rows]
     rates, arms = -arms @ v, arms[:, places]
+    whole = np.where(mech.packed.slides[places], 1.0, lengths[:, None])
+    arms = np.where(np.abs(arms) > ROUNDING * whole, arms, 0.0)
     wanted = np.array([float(x) for x in torques.values()])
 
     def tensions(a: Array) -> Array:
@@ -54,23 +56,30 @@ def activations(mech: Dynamics, torques: Mapping[str, float], q: Array, v: Array
         return (tensions(inner + STEP) - tensions(inner - STEP)) / (2.0 * STEP)
 
     least = np.array([f.of_model("weakest") for f in muscles])
-    size = np.abs(arms.T) @ tensions(np.ones(len(muscles))) + np.abs(wanted) + 1.0
-    miss = lambda a: (arms.T @ tensions(a) - wanted) / size  # noqa: E731
-    slope = lambda a: arms.T * slopes(a) / size[:, None]  # noqa: E731
-    start = _nearest(miss, slope, least)
-    reached = np.abs(miss(start)).max(initial=0.0) <= NOTABLE
-    if reached:
+    size = np.abs(arms.T) @ tensions(np.ones(len(muscles))) + np.abs(wanted)
+    acted = size > 0.0  # no muscle acts on others, which get the torque 0 that they ask for
+    miss = lambda a: ((arms.T @ tensions(a) - wanted) / (size + ~acted))[acted]  # noqa: E731
+    slope = lambda a: (arms.T * slopes(a))[acted] / size[acted, None]  # noqa: E731
+    start, ended = _nearest(miss, slope, least), ""
+    if np.abs(miss(start)).max(initial=0.0) <= NOTABLE:
+        bases, sizes, _ = np.linalg.svd(slope(start), full_matrices=False)
+        own = bases[:, sizes > SOLVED * sizes.max(initial=0.0)].T  # rows may depend on each other
         found = minimize(
             lambda a: (a @ a, 2.0 * a), start, jac=True, method="SLSQP",
             bounds=[(x, 1.0) for x in least.tolist()],
-            constraints={"type": "eq", "fun": miss, "jac": slope},
+            constraints={
+                "type": "eq", "fun": lambda a: own @ miss(a), "jac": lambda a: own @ slope(a)
+            },
             options={"ftol": SOLVED, "maxiter": STEPS},
         )  # fmt: skip
-        start = np.clip(found.x, least, 1.0)
+        best = np.clip(found.x, least, 1.0)
+        if np.abs(miss(best)).max(initial=0.0) <= NOTABLE:
+            start = best
+        ended = "" if found.success else f"the sum of squares may not be the least: {found.message}"
     forces = tensions(start)
     exerted = arms.T @ forces
     short = np.abs(exerted - wanted) > NOTABLE * size
-    notices = tuple(
+    notices = ((ended,) if ended else ()) + tuple(
         f"the muscles do not reach {want:.4g} at {name}: they exert {got:.4g} here, with the "
         "activations nearest to all torques"
         for name, want, got, bad in zip(torques, wanted.tolist(), exerted.tolist(), short) if bad

@@ -333,7 +333,7 @@ class _Search:
         """Find q and states of controls together by Newton's method, or None. It may be unstable.
 
         Steps are halved until the residual decreases, with each equation scaled by its largest
-        slope.
+        slope. Forces that no step changes may be left, so that a small step alone is no solution.
         """
         for _ in range(BALANCE_ROUNDS):
             here, free = self.here, self.free(self.here)
@@ -358,9 +358,9 @@ class _Search:
                     break
                 share *= 0.5
             else:
-                return here if far <= NOTABLE else None
+                return here if far <= NOTABLE and np.linalg.norm(left) <= NOTABLE else None
             if far <= SOLVED:
-                return new
+                return new if np.linalg.norm(other) <= NOTABLE else None
         return None
 
     def left_of(self, here: Place, free: Array) -> Array:

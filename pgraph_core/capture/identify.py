@@ -58,7 +58,7 @@ class Inertias:
 
     def __repr__(self) -> str:
         lines = [f"<Inertias: {counted(len(self.combinations), 'combination')} of "
-                 f"{counted(len(self.names), 'parameter')} determined"]  # fmt: skip
+                 f"{counted(int((self.errors != 0.0).sum()), 'parameter')} determined"]  # fmt: skip
         for text, (value, error) in self.combinations.items():
             lines.append(f"{text} = {value:.6g} ± {error:.2g}")
         return "\n  ".join((*lines, *self.undetermined, *self.report)) + ">"

@@ -26,7 +26,7 @@ from ..model import Model
 from ..result.columns import Column, coordinates
 from ..tolerances import NOTABLE, step_of_differences
 from .filters import Sampled, checked, moved, operators
-from .tracking import Progress, Stopped, Tracking, advanced, tell, to_csv
+from .tracking import Progress, Tracking, advanced, tell, to_csv
 from .trial import Array, Plate, Trial
 
 WIDE = NormalDist().inv_cdf(0.975)  # standard errors of a 95 % band
@@ -121,7 +121,7 @@ def joint_moments(
     band: bool = False,
     actuated: Sequence[str] | None = None,
     progress: Progress = None,
-) -> Moments | None:
+) -> Moments:
     """Compute the joint moments of a motion, with the forces of its plates.
 
     Parameters
@@ -144,13 +144,13 @@ def joint_moments(
     actuated : sequence of str, optional
         With closed loops, names of the bodies whose joints have torques. By default, all.
     progress : callable, optional
-        Function of the completed fraction. The call stops if it returns False.
+        Function of the completed fraction. If it returns False, the call stops with a
+        PgraphError.
 
     Returns
     -------
     Moments
-        `torque`, the band `low` and `high`, `share` of the residual in the weight. None if it was
-        stopped.
+        `torque`, the band `low` and `high`, `share` of the residual in the weight.
 
     Raises
     ------
@@ -177,31 +177,28 @@ def joint_moments(
     smooth = own is not None and own.v is not None
     frequency = checked(cutoff, order, smooth)
     t, report = trial.t, list[str]()
-    try:
-        if np.isinf(frequency) and own and own.v is not None and own.vdot is not None:
-            sampled = Sampled(q, own.v, own.vdot)
-        else:
-            sampled = moved(mech, t, q, frequency, order)
-        if np.isfinite(frequency) and len(t) // 2 < (len(t) - 1) / (t[-1] - t[0]) / frequency:
-            report.append("the trial is shorter than two periods of the cut-off frequency, so that "
-                          "its ends are in doubt")  # fmt: skip
-        tell(progress, 1 / 4)
-        whose = _borne(mech, trial.with_up(mech.model.up), sampled.x, plates, report)
-        loads = _Loads(mech, t, trial.with_up(mech.model.up).plates, whose)
-        tau = loads.torques(sampled)
-        if len(mech.packed.active):
-            sampled, tau = _in_loops(mech, loads, sampled, actuated)
-        elif actuated is not None:
-            text = "is for closed loops; every joint of a tree has the torque that it needs"
-            raise InputError(Problem("joint_moments", "actuated", text))
-        tell(progress, 1 / 2)
-        low = high = None
-        if band and own:
-            half = _half_width(loads, own, sampled, frequency, order, progress)
-            low, high = tau - half, tau + half
-        tell(progress, 1.0)
-    except Stopped:
-        return None
+    if np.isinf(frequency) and own and own.v is not None and own.vdot is not None:
+        sampled = Sampled(q, own.v, own.vdot)
+    else:
+        sampled = moved(mech, t, q, frequency, order)
+    if np.isfinite(frequency) and len(t) // 2 < (len(t) - 1) / (t[-1] - t[0]) / frequency:
+        report.append("the trial is shorter than two periods of the cut-off frequency, so that "
+                      "its ends are in doubt")  # fmt: skip
+    tell(progress, 1 / 4)
+    whose = _borne(mech, trial.with_up(mech.model.up), sampled.x, plates, report)
+    loads = _Loads(mech, t, trial.with_up(mech.model.up).plates, whose)
+    tau = loads.torques(sampled)
+    if len(mech.packed.active):
+        sampled, tau = _in_loops(mech, loads, sampled, actuated)
+    elif actuated is not None:
+        text = "is for closed loops; every joint of a tree has the torque that it needs"
+        raise InputError(Problem("joint_moments", "actuated", text))
+    tell(progress, 1 / 2)
+    low = high = None
+    if band and own:
+        half = _half_width(loads, own, sampled, frequency, order, progress)
+        low, high = tau - half, tau + half
+    tell(progress, 1.0)
     names, root = _names(mech), _root(mech)
     weight = sum(b.mass for b in mech.model.bodies) * float(np.linalg.norm(mech.model.gravity))
     arm = np.where(mech.packed.slides, 1.0, mech.packed.length)[root]

@@ -20,7 +20,16 @@ import numpy as np
 from ..analysis.inverse import bounds
 from ..analysis.rows import Rows, apart, turns
 from ..dynamics.many import Twists, plan, twists
-from ..errors import InputError, Problem, choices, counted, explained, nearest_name, shown
+from ..errors import (
+    InputError,
+    PgraphError,
+    Problem,
+    choices,
+    counted,
+    explained,
+    nearest_name,
+    shown,
+)
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..model.files import write_atomic
@@ -48,14 +57,16 @@ GRADIENT = SOLVED / 10  # slope below which a frame is solved, relative to lengt
 Progress = Callable[[float], Any] | None
 
 
-class Stopped(Exception):
-    """A progress function has returned False."""
+class Stopped(PgraphError):
+    """A progress function has returned False, which stops the call."""
 
 
 def tell(progress: Progress, fraction: float) -> None:
     """Report a completed fraction. Raises Stopped if the function returns False."""
     if progress is not None and progress(fraction) is False:
-        raise Stopped
+        raise Stopped(
+            Problem("progress", "", "the call was stopped, as its function returned False")
+        )
 
 
 @explained
@@ -170,7 +181,7 @@ def track(
     smooth: float | bool | None = None,
     q: Any = None,
     progress: Progress = None,
-) -> Tracking | None:
+) -> Tracking:
     """Find the motion of a mechanism that follows the markers of a trial.
 
     Each marker belongs to the site of its name. In each frame, the weighted sum of squares of their
@@ -194,12 +205,13 @@ def track(
     q : array or dict, optional
         Position from which the first frame is also searched, by default the initial one.
     progress : callable, optional
-        Function of the completed fraction. The call stops if it returns False.
+        Function of the completed fraction. If it returns False, the call stops with a
+        PgraphError.
 
     Returns
     -------
     Tracking
-        `q`, `residual`, `rms`, and what the markers do not determine. None if it was stopped.
+        `q`, `residual`, `rms`, and what the markers do not determine.
 
     Raises
     ------
@@ -217,15 +229,12 @@ def track(
         raise InputError(Problem("track", "smooth", text))
     problem = Markers.of(mech, trial, weights, markers)
     v = vdot = chosen = None
-    try:
-        found = problem.solved(mech.assemble(q)[0], progress)
-        if smooth is not None and smooth is not False:
-            from .smoothing import smoothed
+    found = problem.solved(mech.assemble(q)[0], progress)
+    if smooth is not None and smooth is not False:
+        from .smoothing import smoothed
 
-            found, v, vdot, chosen = smoothed(problem, found, smooth)
-        tell(progress, 1.0)
-    except Stopped:
-        return None
+        found, v, vdot, chosen = smoothed(problem, found, smooth)
+    tell(progress, 1.0)
     return problem.answer(found, v, vdot, chosen)
 
 

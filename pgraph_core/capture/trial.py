@@ -265,11 +265,10 @@ def labelled(
             name, n = f"{label}#{n + 1}", n + 1
         if name != label:
             told.append(f"two markers have the label {label}; the later one is called {name}")
-        lost = ~np.isfinite(x).all(axis=1) | ~x.any(axis=1)
-        if (~x.any(axis=1)).any():
-            told.append(f"{name} is at exactly (0, 0, 0) in {int((~x.any(axis=1)).sum())} frames, "
-                        "taken as not seen")  # fmt: skip
-        found[name] = np.where(lost[:, None], np.nan, x)
+        if zeros := int((np.abs(x).max(axis=1) == 0.0).sum()):
+            told.append(f"{name} is at exactly (0, 0, 0) in {counted(zeros, 'frame')}, not seen")
+        lost = ~(np.abs(x).max(axis=1, keepdims=True) > 0.0)  # also of what is no number
+        found[name] = np.where(lost, np.nan, x)
     return found, told
 
 
@@ -294,10 +293,10 @@ def centre_of_pressure(force: Array, moment: Array, origin: Array, axes: Array) 
     """
     f = force @ axes
     m = (moment - np.cross(origin, force)) @ axes
-    borne: Any = f[:, 2] ** 2 > LOADED**2
-    over = np.where(borne, f[:, 2], 1.0)
+    borne = np.abs(f[:, 2:]) > LOADED
+    over = np.where(borne, f[:, 2:], 1.0)[:, 0]
     inside = np.stack((-m[:, 1] / over, m[:, 0] / over, np.zeros(len(f))), axis=1)
-    return np.where(borne.reshape(-1, 1), origin + inside @ axes.T, np.nan)
+    return np.where(borne, origin + inside @ axes.T, np.nan)
 
 
 def even(t: Array, path: str | Path, stated: float = 0.0) -> tuple[Array, list[str]]:

@@ -13,7 +13,7 @@ from ..curves import Table
 from ..engine.compiler.lane import numbers_alone
 from ..errors import choices, nearest_name, shown
 from ..fields import EMPTY, Expression, Number, field, fixed, listed, refuse
-from ..muscles import MODELS, TENDON, MuscleModel
+from ..muscles import MODELS, TENDON, VELOCITY, MuscleModel
 from ..signals import Node
 from ..signals.grammar import filled
 from ..stateful import Own, Quantity, Stateful
@@ -129,6 +129,10 @@ class Muscle(Stateful, BetweenPoints, Driven):
         if self.is_elastic and not self.l_slack > 0.0:
             text = f"must be > 0 for an elastic tendon, got {shown(self.l_slack)}; or give "
             refuse([("l_slack", f"{text}tendon='rigid'")])
+        if self.is_elastic and not self.of_model("damping") > 0.0 and self._ends_flat():
+            text = f"must be > 0 with an elastic tendon: the force of model '{self.model}' does "
+            text += "not change beyond the largest speed; or give tendon='rigid'"
+            refuse([("damping", text)])
         refuse(self._input_problems())
         return self
 
@@ -141,6 +145,11 @@ class Muscle(Stateful, BetweenPoints, Driven):
     def _rows(self) -> tuple[Array | None, ...]:
         """The polynomials of its curves."""
         return self.kind_of.rows(self.shape, COLUMNS)
+
+    def _ends_flat(self) -> bool:
+        """Check whether the curve over speed has no slope before or behind its ends."""
+        curve = self._rows[VELOCITY]
+        return curve is not None and not (curve[0, 2] > 0.0 and curve[-2, 2] > 0.0)
 
     @property
     def is_elastic(self) -> bool:

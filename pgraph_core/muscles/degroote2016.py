@@ -24,7 +24,7 @@ SPEED = (-0.3211346127989808, -8.149, -0.374, 0.8825327733249912)
 
 def activation(a: Node, u: Node, rise: Node, fall: Node, _: Mapping[str, float]) -> Node:
     """Return the rate whose time constant changes smoothly with the direction, eqs. (1), (2)."""
-    steep = Node("number", value=2.0 * 10.0)  # twice the b of eq. (2)
+    steep = Node("number", value=2.0 * 0.1)  # twice the b of eq. (2)
     share = filled("1/(1 + exp(-k*(u - a)))", k=steep, u=u, a=a)
     z = filled("0.5 + 1.5*a", a=a)
     by = filled("f/(rise*z) + (1 - f)*z/fall", f=share, rise=rise, fall=fall, z=z)

@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 import pgraph_core as pg
 from pgraph_core.muscles import MODELS
+from tests.refusals import assert_names, refusal
 
 MODELS_OF_MUSCLES = [*MODELS]
 ELASTIC = ["degroote2016", "thelen2003", "millard2012"]
@@ -253,7 +254,7 @@ def test_a_stepper_sets_an_excitation():
         stepper.step()
     stepper.input("flexor", 0.9)
     assert stepper.inputs["flexor"] == 0.9
-    for _ in range(50):
+    for _ in range(100):
         stepper.step()
     assert 0.8 < stepper.states[0] < 0.9
 
@@ -491,3 +492,45 @@ def test_errors_and_times_are_measured_for_a_model_with_states():
     study = pg.work_precision(held(excitation=0.3), t_end=0.02, methods=["rk4"], steps=[2e-3, 1e-3],
                               rounds=1)  # fmt: skip
     assert [row.error < 1e-4 for row in study.rows] == [True, True]
+
+
+def test_activations_have_no_scale_of_their_own_and_heed_joints_without_a_muscle():
+    """A joint on which no muscle acts asks for the torque 0."""
+    mech, at = antagonists(), {"q": {"fore": -0.7}}
+    whole = mech.activations({"fore": -8.0}, **at)
+    also = mech.activations({"fore": -8.0, "arm": 0.0}, **at)
+    assert also.activation == pytest.approx(whole.activation, abs=1e-6)
+    assert not also.notices
+    small = mech.model.replace(
+        forces=tuple(f.unchecked_copy({"f_max": 1e-6 * f.f_max}) for f in mech.model.forces)
+    )
+    found = pg.Mechanism(small).activations({"fore": -8e-6}, **at)
+    assert found.activation == pytest.approx(whole.activation, abs=1e-6)
+    assert found.torque["fore"] == pytest.approx(-8e-6, rel=1e-6)
+
+
+# excitation, activation, and the rate of the activation in OpenSim 4.6 [1/s]
+RATES = ((0.9, 0.5, 15.09), (0.9, 0.02, 63.7), (0.01, 0.5, -17.8))
+
+
+@pytest.mark.parametrize(("u", "a", "rate"), RATES)
+def test_activation_changes_as_in_the_model_of_de_groote(u, a, rate):
+    run = pg.simulate(held(excitation=u, start=a), t_end=1e-6, frames=2, method="dop853")
+    assert np.diff(run.states[:, 0]) / 1e-6 == pytest.approx(rate, rel=2e-3)
+
+
+def test_a_fibre_without_damping_is_refused_where_no_speed_balances_it():
+    problem = refusal(lambda: held(model="millard2012", damping=0.0))
+    assert_names(str(problem), "'flexor'", "damping", "> 0", "'rigid'")
+    held(model="degroote2016", damping=0.0)
+
+
+def test_no_equilibrium_is_found_beside_a_state_where_a_force_is_left():
+    """Its force is the same everywhere, so that no step changes it."""
+    body = pg.Body(name="b", joint="prismatic", axes=[(1, 0, 0)], mass=1, q=(0.2,))
+    model = pg.Model(
+        gravity=(0, 0, 0), bodies=[body], forces=[pg.Motor(name="m", body="b", torque=5)]
+    )
+    controlled = model.add(pg.Filter(name="f", input="=sin(t)", lag=0.1))
+    for one in (model, controlled):
+        assert_names(str(refusal(lambda one=one: pg.Mechanism(one).equilibrium())), "5 (N", "'b'")

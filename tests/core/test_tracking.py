@@ -218,7 +218,7 @@ def test_a_progress_function_stops_the_call():
         told.append(fraction)
         return False
 
-    assert pg.track(mech, trial, progress=stop) is None
+    assert_names(str(refusal(lambda: pg.track(mech, trial, progress=stop))), "stopped")
     assert len(told) == 1
     told.clear()
     pg.track(mech, trial, progress=told.append)
