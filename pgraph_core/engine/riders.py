@@ -28,7 +28,7 @@ from .rows import (
 )
 from .vec import add, add_scaled, dot, mul, scale, store, xyz
 
-NEVER = -1.0  # the gate of a rider that is judged by the coordinate: no run holds its side
+NEVER = -1  # the gate of a rider that is judged by the coordinate: no run holds its side
 RIDER = record(
     row=INTEGER,  # its row of the workspace
     carrier=INTEGER,  # the row that carries it, and the body
