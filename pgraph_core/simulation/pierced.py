@@ -21,7 +21,7 @@ from ..rotation import unit_vector
 from ..tolerances import SOLVED, TINY
 from .running import Running
 
-HALVINGS = 30  # of an interval between frames, to a change by its slope below SOLVED
+HALVINGS = 24  # of an interval between frames, to a change by its bends below SOLVED
 
 
 def pierced(record: Running) -> Iterator[str]:
@@ -123,10 +123,8 @@ def _slipped(
         middle, width = 0.5 * (ends[0][0] + ends[1][0]), ends[1][0] - ends[0][0]
         one = middle, length(a + middle * (b - a)), slope(a, b, middle, width)
         halves = [(ends[0], one), (one, ends[1])]
-        ends = max(
-            halves, key=lambda x: abs(x[1][1] - x[0][1] - 0.25 * width * (x[0][2] + x[1][2]))
-        )
-    jump = abs(ends[1][1] - ends[0][1])
+        ends = max(halves, key=_uneven)
+    jump = _uneven(ends)
     if jump > SOLVED * ends[0][1]:
         names = " and ".join(dict.fromkeys(f"'{via.body}'" for via in leg[1]))
         yield (
@@ -135,6 +133,15 @@ def _slipped(
             f"side of a sphere or ellipsoid: its length jumps by {jump:.3g} m, and energy is lost "
             "or gained; give a cylinder in its place, or put a point between the obstacles"
         )
+
+
+def _uneven(ends: Sequence[tuple[float, float, float]]) -> float:
+    """Return how far a change differs from that by the slopes at its ends.
+
+    An end is its place, value and slope.
+    """
+    (a, one, slope), (b, two, last) = ends
+    return abs(two - one - 0.5 * (b - a) * (slope + last))
 
 
 def within(

@@ -160,4 +160,4 @@ def test_a_path_that_slips_to_another_way_is_told_with_its_time_and_jump(row, to
     found = [text for text in run.notices if "slips" in text]
     assert len(found) == told
     for text in found:
-        assert_names(text, "'s'", "t = 0.083", "0.326 m", "cylinder")
+        assert_names(text, "'s'", "t = 0.083", "0.322 m", "cylinder")
