@@ -48,7 +48,7 @@ class Riders:
     def table(self) -> tuple[Any, Any, Array, Array]:
         """Return the member `riders` of loads."""
         curves = np.array(self.curves).reshape(-1, at.KNOT)
-        gates = np.full((len(self.rows), 1), NEVER)
+        gates = np.full((len(self.rows), 1), float(NEVER))
         return rows_of(RIDER, self.rows), rows_of(SHIFT, self.shifts), curves, gates
 
     def carry(self, f: Any, one: Any, vias: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
