@@ -10,7 +10,7 @@ import numpy as np
 from ..engine.compiler.jit import ready
 from ..engine.motion import path_arms
 from ..errors import choices
-from ..forces import BetweenPoints, Spring, Within, at_state
+from ..forces import BetweenPoints, Force, Spring, Within, at_state
 from ..forces.path import length_along
 from ..forces.riding import CoordinateOf
 from ..packing import Array, joint_coordinates
@@ -24,9 +24,10 @@ UNKEPT = "its force changes the energy there"  # in notices about jumps
 class Paths:
     """The paths of the springs, struts and other forces along paths of a model, in its order."""
 
-    def __init__(self, packed: Packed):
-        """Pack a spring without a force along each path."""
-        given = [f for f in packed.model.forces if isinstance(f, BetweenPoints)]
+    def __init__(self, packed: Packed, forces: Sequence[Force] | None = None):
+        """Pack a spring without a force along each path of these forces, or of the model's."""
+        forces = packed.model.forces if forces is None else forces
+        given = [f for f in forces if isinstance(f, BetweenPoints)]
         self.names = tuple(f.name for f in given)
         springs = tuple(_idle(f) for f in given)
         self._scene = Scene(packed, packed.passive, packed.loads(springs), NO_CONSTRAINTS)

@@ -1,6 +1,5 @@
 """Notices about paths past obstacles in a frame of a run: with a point inside an obstacle beside
-it, or without a shortest way over obstacles that follow each other, and about paths that slip off
-an obstacle between two frames."""
+it, or without a shortest way over obstacles that follow each other."""
 
 from __future__ import annotations
 
@@ -16,17 +15,14 @@ from ..forces.obstacle_rows import Past
 from ..forces.obstacles import ELLIPSOID, obstacle_of, turned_by
 from ..forces.path import Place
 from ..packing import Array
-from ..result.slopes import BESIDE
 from ..rotation import unit_vector
 from ..tolerances import SOLVED, TINY
 from .running import Running
 
-HALVINGS = 24  # of an interval between frames, to a change by its bends below SOLVED
-
 
 def pierced(record: Running) -> Iterator[str]:
-    """Yield a notice about the first path with a point inside an obstacle, in the frames, one about
-    the first path without a shortest way, and one about each path that slips off an obstacle.
+    """Yield a notice about the first path with a point inside an obstacle, in the frames, and one
+    about the first path without a shortest way.
 
     A point that is inside between two frames is not seen.
     """
@@ -36,10 +32,6 @@ def pierced(record: Running) -> Iterator[str]:
     paths = record.plan.wrapped
     for text in (_inside, _kinked) if paths else ():
         yield from itertools.islice((x for t, q in states for x in text(mech, paths, q, t)), 1)
-    for f in paths:
-        for leg in legs_of(f, mech.model.body(f.body)):
-            if _may_slip(leg[1]):
-                yield from _slipped(mech, f, leg, states)
 
 
 def _inside(mech: Any, forces: Iterable[BetweenPoints], q: Array, t: float) -> Iterator[str]:
@@ -85,63 +77,6 @@ def _beyond(
             ahead, near = (x - (u @ x) * u for x in (end - begin, begin - centre))
             s = np.clip(-(ahead @ near) / max(ahead @ ahead, TINY), 0.0, 1.0)
             yield bool((near + s * ahead) @ (at(via.body, via.side) - centre) < 0.0)
-
-
-def _may_slip(past: Sequence[Via]) -> bool:
-    """Check whether the shortest way over obstacles may end on its side: not over cylinders."""
-    held = len(past) > 1 or any(via.radii is not None and via.side is not None for via in past)
-    return held and any(via.axis is None for via in past)
-
-
-def _slipped(
-    mech: Any, f: BetweenPoints, leg: tuple[Place, tuple[Via, ...], Place], states: Sequence[Any]
-) -> Iterator[str]:
-    """Yield a text if the length of a leg jumps where it changes least evenly between frames.
-
-    The interval is halved, each time to the half whose change differs most from that by the slopes
-    at its ends. A change that remains is a jump.
-    """
-
-    def length(q: Array) -> float:
-        at, turned = _places(mech, q)
-        return sum(way.length for way in ways_past(leg[1], at, turned, leg[0], leg[2])[0])
-
-    def slope(a: Array, b: Array, s: float, width: float) -> float:
-        ahead, behind = (a + (s + x * BESIDE * width) * (b - a) for x in (1.0, -1.0))
-        return (length(ahead) - length(behind)) / (2.0 * BESIDE * width)
-
-    if len(states) < 2:
-        return
-    change = np.diff([length(q) for _, q in states])
-    uneven = np.abs(
-        change - 0.5 * (np.r_[change[:1], change[:-1]] + np.r_[change[1:], change[-1:]])
-    )
-    k = int(uneven.argmax() if len(change) > 2 else np.abs(change).argmax())
-    (t, a), (end, b) = states[k : k + 2]
-    ends = [(s, length(a + s * (b - a)), slope(a, b, s, 1.0)) for s in (0.0, 1.0)]
-    for _ in range(HALVINGS):
-        middle, width = 0.5 * (ends[0][0] + ends[1][0]), ends[1][0] - ends[0][0]
-        one = middle, length(a + middle * (b - a)), slope(a, b, middle, width)
-        halves = [(ends[0], one), (one, ends[1])]
-        ends = max(halves, key=_uneven)
-    jump = _uneven(ends)
-    if jump > SOLVED * ends[0][1]:
-        names = " and ".join(dict.fromkeys(f"'{via.body}'" for via in leg[1]))
-        yield (
-            f"{f.kind} '{f.name}': its path slips over an obstacle on {names} at t = "
-            f"{t + ends[0][0] * (end - t):.6g} s to another way, as no shortest way is held on a "
-            f"side of a sphere or ellipsoid: its length jumps by {jump:.3g} m, and energy is lost "
-            "or gained; give a cylinder in its place, or put a point between the obstacles"
-        )
-
-
-def _uneven(ends: Sequence[tuple[float, float, float]]) -> float:
-    """Return how far a change differs from that by the slopes at its ends.
-
-    An end is its place, value and slope.
-    """
-    (a, one, slope), (b, two, last) = ends
-    return abs(two - one - 0.5 * (b - a) * (slope + last))
 
 
 def within(

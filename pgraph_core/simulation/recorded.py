@@ -41,6 +41,7 @@ from .remarks import (
     touching,
     turns_unseen,
 )
+from .slipping import slipped
 
 if TYPE_CHECKING:
     from .recording import Recording
@@ -218,7 +219,7 @@ def notices(record: Recording) -> tuple[str, ...]:
     if model.riding:
         found += on_curves(record)
     if plan.wrapped:
-        found += pierced(record)
+        found += [*pierced(record), *slipped(record)]
     found += jumped(record)
     if model.cabled:
         found += on_wheels(record)
