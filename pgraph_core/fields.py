@@ -659,7 +659,7 @@ class OfKinds(Acting):
         def __getattr__(self, name: str) -> Any:
             """Raise AttributeError with a list of the fields for this kind."""
             cls = type(self)
-            if name not in cls.fields_of_kinds():
+            if name not in cls._fields_of_kinds():
                 return super().__getattr__(name)
             text = f"a {cls.__name__} has no field '{name}'; its fields: "
             raise AttributeError(text + ", ".join(cls.model_fields), name=name, obj=self)
@@ -714,7 +714,7 @@ class OfKinds(Acting):
         data = {key: value for key, value in data.items() if value is not None or key == "name"}
         if (kind := data.get("kind", own)) != own:
             refuse([("kind", cls._other_kind(kind))])
-        foreign = data.keys() & (cls.fields_of_kinds() - _fields_of((cls,)))
+        foreign = data.keys() & (cls._fields_of_kinds() - _fields_of((cls,)))
         if not foreign:
             return data
         meant = [key for key in data if key in foreign and not cls._empty(key, data[key])]
@@ -742,13 +742,13 @@ class OfKinds(Acting):
         return field in cls.NOTHING and type(value) is not bool and value == cls.NOTHING[field]
 
     @classmethod
-    def fields_of_kinds(cls) -> set[str]:
+    def _fields_of_kinds(cls) -> set[str]:
         """Return the fields of all kinds."""
         return _fields_of(tuple(cls.KINDS.values()))
 
     @classmethod
     def _followers(cls) -> Mapping[str, tuple[str, ...]]:
-        return {"kind": tuple(cls.fields_of_kinds() - {"name", "kind", "body", "active"})}
+        return {"kind": tuple(cls._fields_of_kinds() - {"name", "kind", "body", "active"})}
 
 
 @cache

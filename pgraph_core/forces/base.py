@@ -219,7 +219,7 @@ class OnBody(Force):
         values = (getattr(self, name) for name in self.SCALES)
         return any(any(x) if isinstance(x, tuple) else bool(x) for x in values)
 
-    def varying(self, at: Places) -> Iterator[InKnots]:
+    def _varying(self, at: Places) -> Iterator[InKnots]:
         """Yield the numbers that vary in its knots."""
         for column, name in enumerate(self.VARIES):
             if isinstance(value := getattr(self, name), str):

@@ -105,7 +105,7 @@ class LinearActuator(BetweenPoints, Driven):
         low, high = self.force_low, self.force_high
         return (-math.inf if low is None else low), (math.inf if high is None else high)
 
-    def varying(self, at: Places) -> Iterator[InKnots]:
+    def _varying(self, at: Places) -> Iterator[InKnots]:
         """Yield the pull of the input, without the parts of length and rate."""
         bias, gain = tree_of(self.bias), tree_of(self.gain)
         push = held(filled("bias + gain*u", bias=bias, gain=gain, u=self.given), *self.forces)

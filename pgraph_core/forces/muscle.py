@@ -194,7 +194,7 @@ class Muscle(Stateful, BetweenPoints, Driven):
         u = self._number(self.INPUT) if isinstance(given, float) else tree_of(given)
         return filled("min(max(u, least), 1)", u=u, least=self._number("weakest"))
 
-    def varying(self, at: Places) -> Iterator[InKnots]:
+    def _varying(self, at: Places) -> Iterator[InKnots]:
         """Yield nothing: its knot gets its states."""
         yield from ()
 

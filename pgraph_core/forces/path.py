@@ -194,24 +194,24 @@ class BetweenPoints(AtPoint, Between):
     )  # fmt: skip
 
     @property
-    def rides(self) -> bool:
+    def _rides(self) -> bool:
         """True if one of its points moves in its body, or counts in a range only."""
         return bool(self.shifts or self.other_shifts) or any(via.rides for via in self.via)
 
     @property
-    def coordinates(self) -> tuple[tuple[str, int], ...]:
+    def _ridden(self) -> tuple[tuple[str, int], ...]:
         """The (body, index) of each coordinate with which its points ride."""
-        return tuple((x.body, x.coordinate) for x in self.riding)
+        return tuple((x.body, x.coordinate) for x in self._riding)
 
     @property
-    def riding(self) -> tuple[Shift | Within, ...]:
+    def _riding(self) -> tuple[Shift | Within, ...]:
         """All displacements and ranges of its points."""
         own = [*self.shifts, *self.other_shifts]
         for via in self.via:
             own += [*via.shifts, *([via.when] if via.when else ())]
         return tuple(own)
 
-    def riding_with(self, change: Callable[[Any], Any], via: Any = None) -> dict[str, Any]:
+    def _riding_with(self, change: Callable[[Any], Any], via: Any = None) -> dict[str, Any]:
         """Return its fields with changed displacements and ranges, of the points `via` if given."""
 
         def all_of(parts: Sequence[Any]) -> tuple[Any, ...]:
@@ -227,12 +227,12 @@ class BetweenPoints(AtPoint, Between):
     @property
     def touches(self) -> tuple[str, ...]:
         """The names of the bodies on which it acts, excluding the ground."""
-        return tuple(dict.fromkeys((*super().touches, *(x.body for x in self.riding))))
+        return tuple(dict.fromkeys((*super().touches, *(x.body for x in self._riding))))
 
     @property
     def _bends(self) -> bool:
         jumps = any(via.when is not None for via in self.via)
-        return jumps or any(isinstance(x, Shift) and x.corners for x in self.riding)
+        return jumps or any(isinstance(x, Shift) and x.corners for x in self._riding)
 
     @model_validator(mode="before")
     @classmethod
@@ -311,7 +311,7 @@ def at_state(f: BetweenPoints, body: Any, coordinate: CoordinateOf) -> BetweenPo
 
     `body` is the description of its first body, and `coordinate(body, index)` a coordinate.
     """
-    if not f.rides:
+    if not f._rides:
         return f
     own, other = points_of(f, body)
     via = tuple(

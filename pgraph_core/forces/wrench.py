@@ -62,7 +62,7 @@ class Wrench(OnBody):
     def _idle(self) -> str:
         return ""  # zeros are what a run or a form fills in
 
-    def varying(self, at: Places) -> Iterator[InKnots]:
+    def _varying(self, at: Places) -> Iterator[InKnots]:
         """Yield the entries that vary, in the axes of the row."""
         turn = at.home(self.body) if self.frame == "body" else np.eye(3)
         for first, value in ((1, self.torque), (4, self.force)):

@@ -43,7 +43,7 @@ class ForcesOut(Places):
     def _passive(self) -> None:
         """Write springs, tendons and the paths of actuators."""
         for f in self.model.forces:
-            if isinstance(f, BetweenPoints) and f.rides:
+            if isinstance(f, BetweenPoints) and f._rides:
                 text = "a path with points that move in their bodies, or count in a range only"
                 self.out(f"force '{f.name}'", text)
             elif any(len(past) > 1 for past in self._obstacles(f)):

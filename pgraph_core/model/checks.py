@@ -316,7 +316,7 @@ def path_problems(f: Force, where: str, bodies: Bodies) -> list[Problem]:
     """Check a path for unknown bodies, for spans without a length and for a constant length."""
     found = place_problems(f, where, bodies) + riding_problems(f, where, bodies)
     body = bodies.get(f.body)
-    if found or not isinstance(f, BetweenPoints) or not f.via or body is None or f.rides:
+    if found or not isinstance(f, BetweenPoints) or not f.via or body is None or f._rides:
         return found
     if {via.body for via in f.via} == {f.body} == {f.other}:
         text = f"all its points are on '{f.body}', so that its length is constant; put one of them "

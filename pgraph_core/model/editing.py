@@ -229,8 +229,8 @@ def renamed(part: T, names: Mapping[str, str]) -> T:
         places = getattr(part, field)
         if any(place.body in names for place in places):
             update[field] = tuple(renamed(place, names) for place in places)
-    if isinstance(part, BetweenPoints) and any(x.body in names for x in part.riding):
-        update |= part.riding_with(lambda x: renamed(x, names), update.get("via"))
+    if isinstance(part, BetweenPoints) and any(x.body in names for x in part._riding):
+        update |= part._riding_with(lambda x: renamed(x, names), update.get("via"))
     if isinstance(part, (Force, Constraint, Contact, Control)):
         update |= renamed_in(part, names, "q", "v")
     return part.unchecked_copy(update) if update else part
@@ -294,7 +294,7 @@ def fitted(
             springs = isinstance(f, Tendon) or (isinstance(f, OnJoint) and f.law.kp != 0)
             return not sum_problems(f, "", bodies, springs, ours=True)
         if isinstance(f, BetweenPoints):
-            return all(x.body != name or not coordinate_problem(x, bodies) for x in f.riding)
+            return all(x.body != name or not coordinate_problem(x, bodies) for x in f._riding)
         return f.body != name or not isinstance(f, OnJoint) or not force_problems([f], bodies)
 
     def cut(s: Scenario) -> Scenario:

@@ -334,7 +334,7 @@ class Program:
 
     def watch_shifts(self, f: BetweenPoints) -> None:
         """Let steps end where the second derivative of a point's shift jumps."""
-        for shift in f.riding:
+        for shift in f._riding:
             if isinstance(shift, Shift):
                 x = Node("signal", signal=("q", shift.body, shift.coordinate))
                 for end in shift.corners:

@@ -54,7 +54,7 @@ class Riders:
     def carry(self, f: Any, one: Any, vias: Sequence[tuple[Any, ...]]) -> list[tuple[Any, ...]]:
         """Let the points of a packed load ride: its ends in `one`, and its `vias`, which are
         returned."""
-        if not isinstance(f, BetweenPoints) or not f.rides:
+        if not isinstance(f, BetweenPoints) or not f._rides:
             return list(vias)
         path = [self._point(f.body, one["point_a"], f.shifts)]
         for via, row in zip(f.via, vias):

@@ -116,7 +116,7 @@ class Places:
     def of_load(self, program: Program, f: OnBody, row: Any) -> Iterator[tuple[int, ...]]:
         """Yield (value, first knot, how many, column) for each number that varies in a load."""
         first, count = row[[*SPAN]].tolist()
-        for one in f.varying(self._placed()):
+        for one in f._varying(self._placed()):
             yield program.of(one.value), first, count if one.everywhere else 1, one.column
 
 

@@ -94,7 +94,7 @@ def within(
 
 def _there(mech: Any, f: BetweenPoints, q: Array) -> BetweenPoints:
     """Return a force with the points of its path at a state."""
-    return at_state(f, mech.model.body(f.body), coordinates(mech.packed, q)) if f.rides else f
+    return at_state(f, mech.model.body(f.body), coordinates(mech.packed, q)) if f._rides else f
 
 
 def _places(mech: Any, state: Array) -> tuple[Any, Any]:

@@ -246,7 +246,7 @@ def test_files_hold_points_that_ride():
 def test_they_follow_the_bodies_of_their_coordinates():
     model = leg(*POINTS["both"]).edit("shank", name="new")
     (f,) = model.forces
-    assert {x.body for x in f.riding} == {"new", "thigh"}
+    assert {x.body for x in f._riding} == {"new", "thigh"}
     carried = carriage(True)
     assert carried.remove("a").forces == ()
     wide = leg(ALWAYS).edit("s", shifts=[shift(body="shank")]).edit("shank", joint="spherical")

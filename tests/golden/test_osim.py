@@ -83,7 +83,7 @@ def test_moving_and_conditional_points_have_the_lengths_and_arms_of_opensim():
     to 0.029 m (by differences with 1e-5 rad), so that it is compared in the lengths alone."""
     model, report = pg.read_osim(HERE / "points_40000.osim")
     assert report.loaded
-    assert all(f.rides for f in model.forces)
+    assert all(f._rides for f in model.forces)
     told = [str(x) for x in report.of("warning") if "jumps by" in str(x)]
     assert named(told) == ["conditional"]
     golden, mech = np.load(HERE / "points_40000.npz"), pg.Mechanism(model)
