@@ -85,7 +85,8 @@ def place_riders(riders, work, q):
     table, shifts, curves, gates = riders
     for n in range(table.shape[0]):
         one = table[n]
-        x = xyz(one.point)
+        none = scale(0.0, origin_of(work, one.carrier))  # of the kind in `work`
+        x = add(none, xyz(one.point))
         for m in range(one.first_shift, one.first_shift + one.shifts):
             value, _ = shift_at(shifts[m], curves, q)
             x = add_scaled(x, value, xyz(shifts[m].along))
