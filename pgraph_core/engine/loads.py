@@ -12,6 +12,9 @@ from .rows import add_bias, bias_of, link_of, parent_of, set_bias
 from .vec import add_cross, scale, store
 
 
+RIDERS = len(LOADS)  # their place in `loads`, which have no names in lanes
+
+
 def _applying(kind):
     exert = kind.action.onto(onto_row)
 
@@ -258,11 +261,11 @@ def _arms(n):
         table, _, vias = loads[n]
         for i in range(table.shape[0]):
             unbiased(rows, work)
-            free_riders(loads.riders, work)
+            free_riders(loads[RIDERS], work)
             lengths[begin + i] = pulled(table[i], vias, work, work)
-            unload_riders(loads.riders, work)
+            unload_riders(loads[RIDERS], work)
             carry_bias(rows, const, work, arms[begin + i])
-            drive_riders(loads.riders, work, q, arms[begin + i])
+            drive_riders(loads[RIDERS], work, q, arms[begin + i])
         rest(rows, const, loads, work, q, lengths, arms, begin + table.shape[0])
 
     return chain
@@ -281,6 +284,6 @@ def torque_of_loads(rows, const, loads, work, linear, q, tau):
     """
     unbiased(rows, work)
     apply_loads(loads, work, linear, q, 0.0)
-    unload_riders(loads.riders, work)
+    unload_riders(loads[RIDERS], work)
     carry_bias(rows, const, work, tau)
-    drive_riders(loads.riders, work, q, tau)
+    drive_riders(loads[RIDERS], work, q, tau)

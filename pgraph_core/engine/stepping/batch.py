@@ -13,7 +13,7 @@ from ..compiler.jit import kernel, part, sweep
 from ..compiler.kinds import F1, F2, F3, I1, I2, f8, group, i8, none, plain, void
 from ..compiler.lane import constants, lanes
 from ..drives import drive
-from ..loads import torque_of_loads
+from ..loads import RIDERS, torque_of_loads
 from ..riders import move_riders, place_riders
 from ..tree.dynamics import newton_euler
 from ..tree.kinematics import outboard
@@ -59,8 +59,8 @@ def inverse_in_lanes(rows, const, drives, loads, q, v, vdot, work, passive, none
             outboard(rows, c, w, lanes(q[i]), lanes(v[i]))
             linear = w[:, at.VELOCITY : at.VELOCITY + 3]
             moving(rows, c, w, lanes(v[i]), linear)
-            place_riders(loads.riders, w, lanes(q[i]))
-            move_riders(loads.riders, w, linear, lanes(q[i]), lanes(v[i]))
+            place_riders(loads[RIDERS], w, lanes(q[i]))
+            move_riders(loads[RIDERS], w, linear, lanes(q[i]), lanes(v[i]))
             torque_of_loads(rows, c, loads, w, linear, lanes(q[i]), s)
             for j in range(out.shape[0]):
                 out[j] -= s[j]

@@ -12,7 +12,7 @@ from ..arrays import opened_run
 from ..compiler.jit import kernel, sweep
 from ..constraints.blocks import velocities
 from ..drives import drive
-from ..loads import apply_loads
+from ..loads import RIDERS, apply_loads
 from ..motion import opened
 from ..motions import numbers_of
 from ..riders import drive_riders, move_riders, place_riders, unload_riders
@@ -41,11 +41,11 @@ def derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot):
     outboard(rows, const, work, q, v)
     linear = work[:, at.VELOCITY : at.VELOCITY + 3]
     moving(rows, const, work, v, linear)
-    place_riders(loads.riders, work, q)
-    move_riders(loads.riders, work, linear, q, v)
+    place_riders(loads[RIDERS], work, q)
+    move_riders(loads[RIDERS], work, linear, q, v)
     more, lost = apply_loads(loads, work, linear, q, t)
-    unload_riders(loads.riders, work)
-    drive_riders(loads.riders, work, q, tau)
+    unload_riders(loads[RIDERS], work)
+    drive_riders(loads[RIDERS], work, q, tau)
     inboard(rows, const, work, tau)
     joint_acceleration(rows, const, work, vdot)
     return put_in + more, dissipated + lost
