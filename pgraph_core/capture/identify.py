@@ -286,12 +286,13 @@ def _kept_possible(
                 pull[part] = scale[part] * np.einsum("ij,aji->a", inverse - now, basis)
             rows = np.vstack((slope, np.sqrt(share) * root.T))
             aim = np.concatenate((right - slope @ x, -np.sqrt(share) * np.linalg.solve(root, pull)))
-            step = np.linalg.lstsq(rows, aim, rcond=None)[0]
+            small = np.asarray(np.linalg.qr(np.column_stack((rows, aim)), mode="r"))
+            step = np.linalg.solve(small[: len(x), : len(x)], small[: len(x), len(x)])
             far = float(np.linalg.norm(root.T @ step))
             x = x + step / (1 + far) if far > NEAR else x + step
             if far <= NEAR:
                 break
-        share /= 10
+        share /= 100
     return before + scale * x
 
 
