@@ -29,12 +29,11 @@ from ..dynamics.many import (
 from ..errors import InputError, Problem, choices, counted, explained, nearest_name
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
-from ..tolerances import EPS, NOTABLE, SOLVED
+from ..tolerances import EPS, NAMED, NOTABLE, SOLVED
 from .trial import Array
 
 TERMS = 6  # of a combination that are told
 ROUNDS = 50  # steps of one share of the barrier at most
-NEAR = 1 / 8  # decrement below which a step of Newton is taken whole
 
 
 @explained
@@ -299,8 +298,8 @@ def _kept_possible(
             small = _reduced(np.column_stack((rows, aim)))
             step = np.linalg.solve(small[: len(x), : len(x)], small[: len(x), len(x)])
             far = float(np.linalg.norm(root.T @ step))
-            x = x + step / (1 + far) if far > NEAR else x + step
-            if far <= NEAR:
+            x = x + step / (1 + far) if far > NAMED else x + step
+            if far <= NAMED:
                 break
         share /= 100
     return before + scale * x
