@@ -135,7 +135,12 @@
   }
 
   function newQuestion(close) {
-    const asked = typed("How many bodies?", "4", "Create", close, (serial, bodies) =>
+    // its bodies come to the front: a tab of connections would be empty
+    const made = () => {
+      close();
+      pgraph.front("Bodies");
+    };
+    const asked = typed("How many bodies?", "4", "Create", made, (serial, bodies) =>
         send("NewModel", { serial, bodies }),
       ),
       cell = asked[0].querySelector("input");

@@ -204,7 +204,9 @@ def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:
     if names:
         return corners
     joining = [found.ends.reshape(-1, 3) for found in marks.joinings(state, positions, R).values()]
-    drawn = np.concatenate([corners, *joining, passed(state)])
+    lines = marks.tracks(state) if "tracks" in state.shown else {}
+    tracks = marks.world(lines, np.asarray(positions), R)
+    drawn = np.concatenate([corners, *joining, tracks.reshape(-1, 3), passed(state)])
     middle, up = (drawn.min(axis=0) + drawn.max(axis=0)) / 2, np.asarray(state.model.ground_normal)
     if ground(state) > 0:
         return drawn

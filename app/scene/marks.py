@@ -24,7 +24,7 @@ from pgraph_core.show.bodies import Look
 from pgraph_core.show.stage import GRID
 
 from ..constraints.cables import bare
-from ..core.state import of_model
+from ..core.state import derive, of_model
 from ..pose.solving import shown_coordinate
 from . import State
 
@@ -133,22 +133,28 @@ def axes(state: State) -> Local:
 
 
 def tracks(state: State) -> Local:
+    """Return the lines of `tracks_of` the model, which are found once."""
+    return tracks_of(state.model)
+
+
+@of_model
+def tracks_of(model: pg.Model) -> Local:
     """Return lines along the tracks of curves, in the frames of the parents, along the curves of
     constraints, in those of their second bodies, and those of cams and their followers."""
-    d = state.derived
+    d = derive(model)
     found: dict[int, list[np.ndarray]] = defaultdict(list)
     for k, name in enumerate(d.names, 1):
-        body = state.model.body(name)
+        body = model.body(name)
         if body.track and body.sequence[0].track:
             turned = shapes.to_matrix(np.asarray(body.rotation))
             points = np.asarray(body.link) + body.track.line() @ turned.T
             found[d.parent[k - 1]].append(np.stack((points[:-1], points[1:]), axis=1))
-    for c in state.model.riding:
+    for c in model.riding:
         points = c.curve.line()
         k = 1 + d.names.index(c.other) if c.other != GROUND else 0
         found[k].append(np.stack((points[:-1], points[1:]), axis=1))
-    for c in state.model.cams:
-        for name, points in ((c.other, c.profile(state.model)), (c.body, c.face(state.model))):
+    for c in model.cams:
+        for name, points in ((c.other, c.profile(model)), (c.body, c.face(model))):
             lines = np.stack((points, np.roll(points, -1, axis=0)), axis=1)
             found[d.number[name]].append(lines)
     return {k: np.concatenate(lines) for k, lines in found.items()}

@@ -29,12 +29,11 @@ from ..dynamics.many import (
 from ..errors import InputError, Problem, choices, counted, explained, nearest_name
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
-from ..tolerances import EPS, NOTABLE, SOLVED
+from ..tolerances import EPS, NAMED, NOTABLE, SOLVED
 from .trial import Array
 
 TERMS = 6  # of a combination that are told
 ROUNDS = 50  # steps of one share of the barrier at most
-NEAR = 1 / 8  # decrement below which a step of Newton is taken whole
 
 
 @explained
@@ -201,13 +200,25 @@ def _least(
 ) -> tuple[Array, tuple[Array, Array], Array]:
     """Return the smallest least-squares step (p,), the (shown, hidden) directions, and sizes."""
     scaled = A * weight[:, None] * scale
-    R = np.asarray(np.linalg.qr(np.column_stack((scaled, weight * b)), mode="r"))
+    R = _reduced(np.column_stack((scaled, weight * b)))
     p = len(scale)
     left, sizes, right = np.linalg.svd(R[:, :p])
     kept = int((sizes > SOLVED * sizes.max(initial=0.0)).sum())
     y = left[:, :kept].T @ R[:, p]
     shown, hidden = right[:kept].T, right[kept:].T
     return scale * (shown @ (y / sizes[:kept])), (shown, hidden), sizes[:kept]
+
+
+def _reduced(rows: Array) -> Array:
+    """Return the triangle (p, p) of rows (n, p) that are orthogonalised, zero-filled if n < p.
+
+    Blocks are added one after another: solvers of large ones wait for busy processors.
+    """
+    p = rows.shape[1]
+    found = np.zeros((p, p))
+    for first in range(0, len(rows), p):
+        found = np.asarray(np.linalg.qr(np.vstack((found, rows[first : first + p])), mode="r"))
+    return found
 
 
 def _pseudo(numbers: Array) -> Array:
@@ -254,9 +265,7 @@ def _kept_possible(
     Newton, shortened to 1 / (1 + decrement), never leave the possible bodies.
     """
     A, b, weight = system
-    R = np.asarray(
-        np.linalg.qr(np.column_stack((A * weight[:, None] * scale, weight * b)), mode="r")
-    )
+    R = _reduced(np.column_stack((A * weight[:, None] * scale, weight * b)))
     slope, right = R[:, : len(scale)], R[:, len(scale)]
     parts = [slice(PARAMETERS * k, PARAMETERS * (k + 1)) for k in range(len(wanted))]
     basis = np.array([_pseudo(one) for one in np.eye(PARAMETERS)])
@@ -286,12 +295,13 @@ def _kept_possible(
                 pull[part] = scale[part] * np.einsum("ij,aji->a", inverse - now, basis)
             rows = np.vstack((slope, np.sqrt(share) * root.T))
             aim = np.concatenate((right - slope @ x, -np.sqrt(share) * np.linalg.solve(root, pull)))
-            step = np.linalg.lstsq(rows, aim, rcond=None)[0]
+            small = _reduced(np.column_stack((rows, aim)))
+            step = np.linalg.solve(small[: len(x), : len(x)], small[: len(x), len(x)])
             far = float(np.linalg.norm(root.T @ step))
-            x = x + step / (1 + far) if far > NEAR else x + step
-            if far <= NEAR:
+            x = x + step / (1 + far) if far > NAMED else x + step
+            if far <= NAMED:
                 break
-        share /= 10
+        share /= 100
     return before + scale * x
 
 

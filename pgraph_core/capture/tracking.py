@@ -313,12 +313,22 @@ class Markers:
             report.append(f"sites without a marker: {choices(lost, 12)}")
         if spare := [x for x in trial.markers if x not in {label_of[s] for s in used}]:
             report.append(f"markers without a site: {choices(spare, 12)}")
-        number = mech.topology.number
+        number, place = (
+            mech.topology.number,
+            np.stack([trial.markers[label_of[x]] for x in used], 1),
+        )
+        home = mech.pose(mech.home()[0])
+        wide = float(np.linalg.norm(np.ptp([home[x].position for x in used], axis=0)))
+        shown_at = place[np.isfinite(place[..., 0]).sum(axis=1).argmax()]
+        span = float(np.linalg.norm(np.nanmax(shown_at, axis=0) - np.nanmin(shown_at, axis=0)))
+        if not NAMED * wide <= span <= wide / NAMED:
+            report.append(f"markers span {span:.3g} m in a frame, and their sites {wide:.3g} m: is "
+                          "the unit right? units='mm' of pg.read_trial changes it")  # fmt: skip
         return cls(
             mech, trial, tuple(used),
             np.array([number(sites[x].body) - 1 for x in used]),
             np.array([sites[x].point for x in used], float),
-            np.stack([trial.markers[label_of[x]] for x in used], axis=1),
+            place,
             np.array([float(weights.get(x, 1.0)) for x in used]), report,
         )  # fmt: skip
 

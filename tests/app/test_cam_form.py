@@ -10,7 +10,7 @@ from pgraph_app.constraints import pictures
 from pgraph_app.constraints.view import constraints
 from pgraph_app.plots import Signal, curves, of_scene
 from pgraph_app.pose import poses
-from pgraph_app.scene import marks
+from pgraph_app.scene import camera, marks
 from pgraph_core.show import shapes
 
 from .store import ME, after, begun, do, ran, reply
@@ -119,6 +119,17 @@ def test_a_profile_and_a_roller_are_drawn_on_their_bodies():
     assert lines[numbers[0]][:, 0] == pytest.approx(cam.profile(state.model))
     circle = lines[numbers[1]][:, 0]
     assert np.linalg.norm(circle - circle.mean(axis=0), axis=1) == pytest.approx(cam.roller_radius)
+
+
+def test_the_view_holds_the_profile_that_is_drawn():
+    """A new cam, larger than its bodies, reached out of the picture."""
+    state = typed(added(), "base_radius", "5")
+    (cam,) = state.model.constraints
+    reach = np.abs(cam.profile(state.model)).max()
+    assert reach > 5.0
+    hidden = after(state, do.Show(ME, "tracks", False))
+    assert np.ptp(camera.extent(state), axis=0).max() > 2 * reach - 1.0
+    assert np.ptp(camera.extent(hidden), axis=0).max() < 5.0
 
 
 def test_the_force_is_drawn_at_the_contact_and_plotted():

@@ -104,6 +104,7 @@ def test_models_are_made_opened_and_saved(page, served, tmp_path: Path, leg):
         ask(page, which)
         page.keyboard.press("Escape")
         no_question(page)
+    page.evaluate("pgraph.front('Connections')")  # the new bodies come to the front
     ask(page, "new")
     answer = page.locator(".asked[data-asked=newQuestion] input[type=text]").first
     for text in ("0", "x", ""):

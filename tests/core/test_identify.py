@@ -1,15 +1,12 @@
 """Masses, mass centres and inertias from motions and torques (`identify_inertia`)."""
 
 import numpy as np
-import pytest
 
 import pgraph_core as pg
 from pgraph_core.dynamics.many import torques
 
 from ..refusals import assert_names, refusal
 from .test_tracking import four_bar, turned_crank
-
-pytestmark = pytest.mark.quick
 
 
 def excited(mech, n=400, seed=0):

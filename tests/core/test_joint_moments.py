@@ -4,7 +4,6 @@ import warnings
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 import pgraph_core as pg
 from pgraph_core.capture.filters import filtered, moved
@@ -15,8 +14,6 @@ from pgraph_core.dynamics.many import motions
 from ..refusals import assert_names, refusal
 from ..worlds import built_in
 from .test_tracking import four_bar, sites, trial_of, turned_crank, walker
-
-pytestmark = pytest.mark.quick
 
 
 def tracking(mech, t, q, v=None, vdot=None, plates=()):

@@ -3,7 +3,6 @@
 import warnings
 
 import numpy as np
-import pytest
 
 import pgraph_core as pg
 from pgraph_core.analysis.mobility import complement, judged
@@ -12,8 +11,6 @@ from pgraph_core.dynamics.many import armature, torques
 
 from ..random_models import random_case, random_model
 from ..refusals import assert_names, refusal
-
-pytestmark = pytest.mark.quick
 
 # 12 bodies and a few hundred operations per number, of terms that cancel: 1e-12 of the largest
 # torque, as in the tests of inverse dynamics

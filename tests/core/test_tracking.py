@@ -1,7 +1,6 @@
 """Marker tracking: the motion of a mechanism that follows the markers of a trial."""
 
 import numpy as np
-import pytest
 
 import pgraph_core as pg
 from pgraph_core.capture.filters import moved
@@ -10,8 +9,6 @@ from pgraph_core.capture.tracking import Markers, advanced
 from pgraph_core.capture.trial import Trial
 
 from ..refusals import assert_names, refusal
-
-pytestmark = pytest.mark.quick
 
 
 def placed(mech, q, sites=None):
@@ -194,6 +191,14 @@ def test_exchanged_markers_are_named():
     a, b = trial.markers["shank l.a"], trial.markers["shank l.b"]
     a[10:15], b[10:15] = b[10:15].copy(), a[10:15].copy()
     assert_names(repr(pg.track(mech, trial)), "shank l.a and shank l.b look exchanged in 5 frames")
+
+
+def test_markers_in_another_unit_are_named():
+    mech = walker()
+    trial = trial_of(mech, strides(mech, 2))
+    large = Trial(t=trial.t, markers={k: 1000 * x for k, x in trial.markers.items()})
+    assert_names(repr(pg.track(mech, large)), "is the unit right", "units='mm'")
+    assert "unit" not in repr(pg.track(mech, trial))
 
 
 def test_calls_that_fit_no_model_are_refused():
