@@ -25,6 +25,7 @@ from .classics import (
 )
 from .looks import STEEL, Vector, bar, hub, machine
 from .quadruped import quadruped, quadruped_hips
+from .quadruped_muscles import quadruped_muscles
 
 BUILDERS: dict[str, Callable[[], pg.Model]] = {}
 
@@ -98,7 +99,7 @@ def chain_10() -> pg.Model:
     return _with_bars(model, "chain of 10", _swing("the chain falls and whips"))
 
 
-for _walker in (quadruped, quadruped_hips):
+for _walker in (quadruped, quadruped_hips, quadruped_muscles):
     BUILDERS[_walker.__name__] = _walker
 for _machine in (four_bar, slider_crank, bricard, andrews, rolling_disc, heavy_top, tennis_racket,
                  spherical_pendulum, skate, falling_rod, four_bar_windows):  # fmt: skip

@@ -10,7 +10,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_models import build
-from pgraph_models.quadruped import FEET, origins
+from pgraph_models.quadruped import FEET, holding_torques, origins
 
 pytestmark = pytest.mark.quick
 
@@ -95,3 +95,59 @@ def test_swings_keep_their_energy_and_move(name: str):
     assert swing.status.ok
     assert swing.energy_drift < 1e-4  # no dampers; RK4 at 1 ms on fast whips
     assert np.ptp(swing.q, axis=0).min() > 0.2
+
+
+MUSCLES = "quadruped_muscles"
+
+
+def test_a_quadruped_has_six_muscles_in_each_leg_and_two_across_each_joint():
+    mech = pg.Mechanism(model(MUSCLES))
+    names = [f.name for f in model(MUSCLES).forces if isinstance(f, pg.Muscle)]
+    assert len(names) == 24 == len({name.replace("left", "right") for name in names}) * 2
+    arms = mech.moment_arms(mech.home()[0])
+    legs = [b.name for b in mech.model.bodies if "left" in b.name or "right" in b.name]
+    for leg in legs:
+        across = arms[:, mech.joints[leg].v][:, 0]
+        assert across.min() < -0.02, leg  # m
+        assert across.max() > 0.02, leg
+
+
+def test_the_standing_excitations_are_those_of_static_optimisation():
+    muscled = model(MUSCLES)
+    muscles = [f for f in muscled.forces if isinstance(f, pg.Muscle)]
+    found = {f.name: float(str(f.excitation)[1:7]) for f in muscles}
+    mech = pg.Mechanism(muscled.replace(forces=muscles))
+    torque = holding_torques(muscled.bodies)
+    wanted = {name: x for name, x in torque.items() if "left" in name or "right" in name}
+    free = mech.activations(wanted)
+    assert not free.notices
+    # with its tone the animal spends more, and exerts the same
+    assert sum(a * a for a in found.values()) > sum(a * a for a in free.activation.values())
+    arms = mech.moment_arms(mech.home()[0])
+    still = pg.simulate(still_of(muscled), t_end=0.01, scenario="step", estimate=False)
+    pulls = np.array([still.tension[name][0] for name in mech.path_names])
+    for name, want in wanted.items():
+        got = float(arms[:, mech.joints[name].v][:, 0] @ pulls)
+        assert got == pytest.approx(want, abs=0.05), name  # excitations have four digits
+
+
+def still_of(muscled: pg.Model) -> pg.Model:
+    """The quadruped with muscles that only stands."""
+    return muscled.replace(parameters={"lift": 0.0})
+
+
+def test_a_quadruped_stands_by_constant_excitations():
+    still = pg.simulate(still_of(model(MUSCLES)), t_end=10.0, scenario="step", estimate=False)
+    assert still.status.ok
+    assert np.abs(still.q[:, :3]).max() < 1e-4  # m; measured 7e-6
+    assert np.abs(still.v[-1]).max() < 1e-6  # measured 2e-8: it comes to rest
+
+
+def test_a_quadruped_trots_by_excitations_over_time():
+    trot = pg.simulate(model(MUSCLES), scenario="step", estimate=False)
+    assert trot.status.ok
+    assert trot.q[:, 3].min() > 0.99  # upright; measured 0.9996
+    ups = [foot.replace("paw", "foot") for foot in FEET]
+    loaded = np.stack([np.linalg.norm(trot.contacts.force[up], axis=-1) > 0 for up in ups])
+    lifted = loaded[:, :-1] & ~loaded[:, 1:]
+    assert (lifted.sum(axis=1) >= 3).all()
