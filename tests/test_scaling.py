@@ -10,6 +10,9 @@ from .refusals import assert_names, refusal
 pytestmark = pytest.mark.quick
 
 
+SLIDES = {"kind": "polynomial", "coefficients": [0, 0.01]}
+
+
 def leg(factor=1.0):
     """A thigh and a shank of boxes, with muscle, contact and curve, grown by a factor."""
     k = factor
@@ -26,10 +29,17 @@ def leg(factor=1.0):
         other_point=(0.03 * k, 0, -0.05 * k), f_max=900, l_opt=0.1 * k, l_slack=0.2 * k,
         via=[("thigh", (0.05 * k, 0, -0.3 * k))],
     )  # fmt: skip
+    spring = pg.Spring(
+        name="s", body="thigh", point=(0.06 * k, 0, -0.1 * k), other="shank", stiffness=0,
+        other_point=(0.03 * k, 0, -0.1 * k),
+        shifts=[{"body": "shank", "along": (k, 0, 0), "curve": SLIDES}],
+        other_shifts=[{"body": "shank", "along": (0, 0, k), "curve": SLIDES}],
+        via=[pg.Via(body="thigh", point=(0.02 * k, 0, -0.3 * k), radii=(0.06 * k, 0.04 * k, 0.05 * k))],
+    )  # fmt: skip
     sites = [pg.Site(name=n, body=b, point=np.array(x) * k) for n, b, x in
              (("hip", "thigh", (0, 0, 0)), ("knee", "thigh", (0, 0.05, -0.4)),
               ("ankle", "shank", (0, 0.05, -0.4)))]  # fmt: skip
-    return pg.Mechanism(pg.Model(bodies=[thigh, shank], forces=[muscle], sites=sites))
+    return pg.Mechanism(pg.Model(bodies=[thigh, shank], forces=[muscle, spring], sites=sites))
 
 
 def standing(mech, **labels):
@@ -53,7 +63,7 @@ def test_a_person_who_is_the_model_grown_evenly_gives_the_model_grown_evenly():
     assert np.allclose(found.path_length(q), person.path_length(q), rtol=1e-12)
     for name in ("hip", "knee", "ankle", "shank"):
         assert np.allclose(found.pose(q, name).position, person.pose(q, name).position, atol=1e-15)
-    (a,), (b,) = found.model.forces, person.model.forces
+    a, b = found.model.forces[0], person.model.forces[0]
     assert np.allclose((a.l_opt, a.l_slack), (b.l_opt, b.l_slack))
     assert np.allclose(scaled.body("thigh").shape.size, person.model.body("thigh").shape.size)
     assert np.allclose(scaled.body("shank").tip, person.model.body("shank").tip)

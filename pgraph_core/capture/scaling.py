@@ -16,6 +16,7 @@ from ..tolerances import NOTABLE
 from .trial import Array, Trial
 
 FRAMES = {"point": "body", "points": "body", "side": "body", "other_point": "other"}
+SHIFTS = {"shifts": "body", "other_shifts": "other"}  # displacements of points, in these axes
 LENGTHS = ("radius", "length", "end_radius", "size", "radii", "scale")  # of shapes
 ALONG = ("l_opt", "l_slack")  # lengths of muscles, which grow with their paths
 AXES = ("x", "y", "z")
@@ -254,6 +255,16 @@ def _part(part: Any, by: Mapping[str, Array]) -> Any:
             update[name] = tuple(map(tuple, scaled.tolist())) if scaled.ndim > 1 else tuple(scaled)
     for places in getattr(part, "PLACES", ()):
         update[places] = tuple(_part(place, by) for place in getattr(part, places))
-    if getattr(part, "radius", None) is not None and part.body in by:
-        update["radius"] = part.radius * float(np.prod(by[part.body])) ** (1 / 3)
+    for name, of in SHIFTS.items():
+        own = by.get(getattr(part, of, GROUND))
+        if own is not None and getattr(part, name, ()):
+            update[name] = tuple(
+                shift.model_copy(update={"along": tuple(own * shift.along)})
+                for shift in getattr(part, name)
+            )
+    own = by.get(getattr(part, "body", GROUND))
+    for name in ("radius", "radii"):  # those of round obstacles grow evenly
+        if own is not None and (value := getattr(part, name, None)) is not None:
+            grown = np.asarray(value, float) * float(np.prod(own)) ** (1 / 3)
+            update[name] = tuple(grown.tolist()) if grown.ndim else float(grown)
     return part.model_copy(update=update) if update else part
