@@ -10,6 +10,7 @@ from .refusals import assert_names, refusal
 pytestmark = pytest.mark.quick
 
 
+EGG = np.array((0.06, 0.04, 0.05))
 SLIDES = {"kind": "polynomial", "coefficients": [0, 0.01]}
 
 
@@ -34,7 +35,7 @@ def leg(factor=1.0):
         other_point=(0.03 * k, 0, -0.1 * k),
         shifts=[{"body": "shank", "along": (k, 0, 0), "curve": SLIDES}],
         other_shifts=[{"body": "shank", "along": (0, 0, k), "curve": SLIDES}],
-        via=[pg.Via(body="thigh", point=(0.02 * k, 0, -0.3 * k), radii=np.array((6, 4, 5)) * k / 100)],
+        via=[pg.Via(body="thigh", point=(0.02 * k, 0, -0.3 * k), radii=EGG * k)],
     )  # fmt: skip
     sites = [pg.Site(name=n, body=b, point=np.array(x) * k) for n, b, x in
              (("hip", "thigh", (0, 0, 0)), ("knee", "thigh", (0, 0.05, -0.4)),
