@@ -13,7 +13,7 @@ import pgraph_core as pg
 from pgraph_core import joints
 from pgraph_core.errors import counted
 from pgraph_core.model.output import OF_JOINT
-from pgraph_core.packing.signals import known_forces, states_of
+from pgraph_core.packing.signals import known_forces
 from pgraph_core.pulleys import without_segment
 from pgraph_core.result.bodies import all_forces, units_of_drives
 from pgraph_core.result.columns import columns_of_states
@@ -319,7 +319,7 @@ def units(model: pg.Model, signal: Signal, name: str) -> list[str]:
         found = [unit for motion in motions for unit in joints.units_of(motion)[1]]
         return [found[output.coordinate] + "/s" * (output.kind == "joint_velocity")]
     if what == "state":
-        quantities = [own.quantity for _, _, own in states_of(model) if own.quantity is not None]
+        quantities = [own.quantity for _, _, own in model.states if own.quantity is not None]
         return [{q.word: q.unit for q in quantities}.get(name.partition(".")[0], "1")]
     if what == "drive_force":
         known = units_of_drives(model, known_forces(model))

@@ -15,7 +15,6 @@ from pgraph_core.fields import GROUND
 from pgraph_core.forces import BetweenPoints, at_state, lines_of
 from pgraph_core.forces.obstacles import obstacle_of, turned_by
 from pgraph_core.packing.cable_lines import Lying, cable_lines, cables_of
-from pgraph_core.packing.signals import states_of
 from pgraph_core.result.bodies import body_poses
 from pgraph_core.result.cams import cam_record
 from pgraph_core.rotation import unit_vector
@@ -310,7 +309,7 @@ def activations(state: State) -> dict[str, float]:
         return {f.name: f.excitation if isinstance(f.excitation, float) else 0.0 for f in muscles}
     result = state.run.result
     frame = min(int(np.searchsorted(result.t, state.playback.time)), len(result.t) - 1)
-    own = zip(states_of(result.model), result.states[frame].tolist())
+    own = zip(result.model.states, result.states[frame].tolist())
     return {f.name: a for (f, k, _), a in own if isinstance(f, pg.Muscle) and k == 0}
 
 

@@ -24,7 +24,6 @@ from ..joints import SIZE
 from ..model import Contact, Force, Spring, Tendon
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import NO_LOADS, length_at, terms_of
-from ..packing.signals import states_of
 from ..tolerances import EPS, NOTABLE, ROUNDING, SOLVED
 from .assembly import assemble
 from .mobility import complement, judged
@@ -43,7 +42,7 @@ class Balance:
         self.mech, self.q, self.v = mech, q, v
         self.forces, self.active = acting(mech, scenario)
         packed = mech.packed
-        for control, _, own in states_of(mech.model):
+        for control, _, own in mech.model.states:
             if own.sample:
                 text = "is sampled, which is not supported for continuous-time models and "
                 text += "equilibria; remove it or its sample time"

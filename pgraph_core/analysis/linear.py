@@ -29,7 +29,6 @@ from ..engine.signals import TIME
 from ..errors import Suggests, choices
 from ..model import Force
 from ..packing import Array, Ints
-from ..packing.signals import states_of
 from ..rotation import skew
 from ..signals import written
 from ..tolerances import DIFFERENCED, EPS, NOTABLE, ROUNDING
@@ -163,7 +162,7 @@ def linearise(
     order = np.lexsort((-values.imag, np.round(np.abs(values), 12)))
     names = _names(mech)
     drift = np.concatenate((v[chosen_q], here.vdot[chosen_v], here.unrest[0] if nx else ()))
-    states = tuple(written("x", c.name, k + 1) for c, k, _ in states_of(mech.model))
+    states = tuple(written("x", c.name, k + 1) for c, k, _ in mech.model.states)
     return Linearisation(
         A, B, tuple(names[i] for i in chosen_q), tuple(names[i] for i in chosen_v),
         values[order], shapes[:, order], by_place, q, v, conservative, drift,

@@ -17,7 +17,6 @@ from ..model import Body, Model
 from ..model.output import OF_CONTACT, OF_JOINT, OF_LOAD, OF_SUBTREE, READINGS, Output
 from ..packing import Array, Ints, System
 from ..packing.packed import Packed
-from ..packing.signals import states_of
 from ..paper import bodies_of, q_slices
 from ..portable import same
 from ..rotation import unit
@@ -107,7 +106,7 @@ def sizes_of_states(packed: Packed, x: Array) -> Array:
     of the length of the mechanism, as in `ranges_of_motion`.
     """
     least = np.maximum(np.abs(x).max(axis=0, initial=0.0), packed.length)
-    usual = np.array([own.quantity is not None for _, _, own in states_of(packed.model)], float)
+    usual = np.array([own.quantity is not None for _, _, own in packed.model.states], float)
     return np.maximum.reduce((np.ptp(x, axis=0) if len(x) else usual, REST * least, usual))
 
 

@@ -11,7 +11,6 @@ from .riders import drive_riders, free_riders, unload_riders
 from .rows import add_bias, bias_of, link_of, parent_of, set_bias
 from .vec import add_cross, scale, store
 
-
 RIDERS = len(LOADS)  # their place in `loads`, which have no names in lanes
 
 

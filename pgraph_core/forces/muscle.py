@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -175,7 +176,7 @@ class Muscle(Stateful, BetweenPoints, Driven):
             return (activation,)
         fibre = Own(None, Node("number", value=math.nan), column=FIBRE,
                     quantity=Quantity("fibre", "m", self.l_opt),
-                    at_rest=lambda at, a: fibre_at_rest(self, at, a))  # fmt: skip
+                    at_rest=partial(fibre_at_rest, self))  # fmt: skip
         return activation, fibre
 
     @property

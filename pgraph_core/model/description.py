@@ -14,7 +14,7 @@ from ..fields import AtPoint, Vec3, field, listed, parts_of
 from ..forces import Cable, Force
 from ..functions import Curve
 from ..sentences import in_our_words
-from ..stateful import Stateful
+from ..stateful import Own, Stateful
 from . import files
 from .body import Body
 from .cam import Cam
@@ -173,6 +173,11 @@ class Description(World):
     def stateful(self) -> tuple[Stateful, ...]:
         """The parts with states that runs integrate: controls, then muscles."""
         return (*self.controls, *(f for f in self.forces if isinstance(f, Stateful)))
+
+    @cached_property
+    def states(self) -> tuple[tuple[Stateful, int, Own], ...]:
+        """(Part, number, state) of every state of controls and muscles, in the order of v."""
+        return tuple((c, k, own) for c in self.stateful for k, own in enumerate(c.own))
 
     @cached_property
     def notices(self) -> tuple[str, ...]:

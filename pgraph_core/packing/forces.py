@@ -25,7 +25,7 @@ from ..topology import Topology
 from . import Array, Drives, Ints, Loads, System, home_of, joint_coordinates, point_in_row
 from .cables import Segment, one_length, segments
 from .riders import NO_RIDERS, Riders
-from .signals import NO_SIGNALS, limits_of, states_of, values_of_targets
+from .signals import NO_SIGNALS, limits_of, values_of_targets
 
 
 def empty(kind: Load) -> tuple[Any, Array, Any]:
@@ -124,7 +124,7 @@ def loads(
     """Pack the loads in `forces`, given the bodies' poses in the initial state `home`."""
     at = Placed(model, topology, packed, home)
     ours = [[f for f in on_bodies(forces) if type(f) in kind.parts] for kind in LOADS]
-    riders = Riders(at, len(packed.rows) + len(states_of(model)))
+    riders = Riders(at, len(packed.rows) + len(model.states))
     tables = [_loads(kind, own, at, riders) for kind, own in zip(LOADS, ours)]
     for rows, _, _ in tables:
         rows["room"] = riders.end

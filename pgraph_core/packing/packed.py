@@ -26,7 +26,7 @@ from ..topology import Topology
 from . import Array, Arrays, Drives, Ints, Loads, System, length_in, numbers, quaternions, system
 from .constraints import Blocks, blocks
 from .forces import NO_LOADS, Placed, bends, drives, loads, on_bodies
-from .signals import Places, signals, states_of
+from .signals import Places, signals
 
 INT, EMPTY = np.dtype(np.int64), np.empty
 NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))
@@ -83,7 +83,7 @@ class Packed:
 
         A state is the speed, and the coordinate its integral.
         """
-        count = len(states_of(self.model))
+        count = len(self.model.states)
         if not count:
             return self
         rows, const, bodies_i, bodies_f, home = self._arrays
@@ -103,18 +103,23 @@ class Packed:
         made._arrays = made.rows, made.const, bodies_i, bodies_f, home
         return made
 
+    @cached_property
+    def _own_signals(self) -> Any:
+        """The signals of the controls and muscles without a run."""
+        return self.loads((), states=True).signals
+
     def with_states(self, t: float, q: Array, v: Array, signals: Any = None) -> tuple[Array, Array]:
         """Return q and v at the start time t, followed by the initial states of controls and
         muscles, by the `signals` of a run's loads with its inputs, or those of the model.
         """
         if self.run is self:
             return q, v
-        signals = self.loads((), states=True).signals if signals is None else signals
+        signals = self._own_signals if signals is None else signals
         none = np.zeros(self.run.nv - self.nv)
         q, v = np.append(q[: self.nq], none), np.append(v[: self.nv], none)
         code, states = signals[0].copy(), signals[2]
         first_values(code, states, t, q, v, 0)
-        parts = enumerate(states_of(self.model), start=self.nv)
+        parts = enumerate(self.model.states, start=self.nv)
         resting = [(i, own.at_rest) for i, (_, _, own) in parts if own.at_rest is not None]
         if not resting:
             return q, v
@@ -182,7 +187,7 @@ class Packed:
         """Return the name of the body whose joint a row belongs to."""
         own = row - len(self.system.body_of_row)
         if own >= 0:
-            return states_of(self.model)[own][0].name
+            return self.model.states[own][0].name
         return self.topology.names[self.system.body_of_row[row] - 1]
 
     def moved_fastest(self, row: int) -> str:

@@ -25,7 +25,7 @@ from ..model import Contact, Force, Model, Rope
 from ..model.expressions import TENSE
 from ..pulleys import segment_names
 from ..signals import parsed, written
-from ..stateful import STATE, Own, Stateful
+from ..stateful import STATE, Stateful
 from ..topology import Topology
 from . import Array, Drives, Ints, Loads, System, joint_coordinates
 from .programs import Program
@@ -51,7 +51,7 @@ class Places:
         self._topology, self._packed = topology, packed
         self._placed, self._forces = placed, forces
         self._model, self._outputs = model, {o.name: o for o in model.outputs}
-        self._states = {(c.name, k): i for i, (c, k, _) in enumerate(states_of(model))}
+        self._states = {(c.name, k): i for i, (c, k, _) in enumerate(model.states)}
 
     def __call__(self, group: str, name: str, k: int) -> tuple[int, ...]:
         """Return the operation that reads a signal and its operands."""
@@ -120,15 +120,10 @@ class Places:
             yield program.of(one.value), first, count if one.everywhere else 1, one.column
 
 
-def states_of(model: Model) -> list[tuple[Stateful, int, Own]]:
-    """Return (part, number, state) of every state of controls and muscles, in the order of v."""
-    return [(c, k, own) for c in model.stateful for k, own in enumerate(c.own)]
-
-
 def inputs_of_states(model: Model, states: Array) -> dict[str, int]:
     """Return the rows in the program of the constant inputs of parts with states, by name."""
     given = states[:, kernels.INPUT_OF].tolist()
-    return {c.name: 2 * row for (c, _, _), row in zip(states_of(model), given) if row >= 0}
+    return {c.name: 2 * row for (c, _, _), row in zip(model.states, given) if row >= 0}
 
 
 def number_of_cable(model: Model, cable: Cable) -> int:
@@ -201,8 +196,9 @@ def signals(
         targets.append((program.value(str(c.friction)), LAW, model.contacts.index(c), 0, 0, k, 0))
     numbers = {name: i for i, name in enumerate(controls)}
     states = list[tuple[int, ...]]()
-    for c, k, _ in states_of(model):
-        own = controls[c.name].own[k]
+    owns = {c.name: controls[c.name].own for c in model.stateful if controls[c.name] is not c}
+    for c, k, own in model.states:
+        own = owns[c.name][k] if c.name in owns else own
         sample = program.sampling(c) if own.sample else -1
         change = -1 if own.change is None else program.of(own.change)
         column = own.column or 0

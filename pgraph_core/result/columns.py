@@ -19,7 +19,6 @@ from ..dynamics.arguments import finite
 from ..errors import InputError, NameLookupError, Problem, choices, needed, shown
 from ..joints import units_of
 from ..packing import Array
-from ..packing.signals import states_of
 from .bodies import all_forces, units_of_drives
 
 if TYPE_CHECKING:
@@ -80,7 +79,7 @@ def columns_of_states(run: Any) -> dict[str, Column]:
 
     A state with a quantity has its name instead, as `activation.NAME` of a muscle.
     """
-    states, parts = run.states.T, states_of(run.mechanism.model)
+    states, parts = run.states.T, run.mechanism.model.states
     found = {
         f"{own.quantity.word}.{part.name}": Column(own.quantity.unit, own.quantity.scale * x)
         for (part, _, own), x in zip(parts, states) if own.quantity is not None

@@ -19,7 +19,7 @@ from ..dynamics.states import (
 )
 from ..errors import InputError, Problem, choices, counted, explained, guarded, percent
 from ..packing import Array
-from ..packing.signals import states_of, values_of
+from ..packing.signals import values_of
 from ..portable import EqualByFields, Portable, ReadOnly
 from .balance import energy_drift, is_of_balance, of_balance
 from .bodies import ALL, OF_POINTS, acting, body_motion, body_poses, of_point
@@ -319,7 +319,7 @@ class Result(Exports, EqualByFields, Portable):
             own = self._shares_of_states()[-1:].ravel()
             if own.max(initial=0.0) <= error / size:
                 return text
-            control, k, _ = states_of(self.mechanism.model)[int(np.argmax(own))]
+            control, k, _ = self.mechanism.model.states[int(np.argmax(own))]
             share = percent(float(own.max())) if np.isfinite(own.max()) else "an unknown part"
             return f"{text}, {share} of the range of x.{control.name}[{k + 1}]"
         last = int(np.isfinite(self.error_at).sum()) - 1

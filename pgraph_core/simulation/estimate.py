@@ -20,7 +20,6 @@ from ..engine.compiler.jit import made_by_numba
 from ..engine.records import RIGID, SOFT, SWING
 from ..errors import InputError, percent
 from ..packing import Array
-from ..packing.signals import states_of
 from ..tolerances import EPS, ROUNDING, SOLVED, VISIBLE
 from .finer import (
     apart,
@@ -72,7 +71,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     """Compute the difference from a finer run, where `plan` has the recorded times."""
     n, mech, tables = len(plan.times), record.mech, record.plan.contacts
     if n < 2 or plan.times[-1] == plan.times[0]:
-        return Estimate(np.zeros((n, 1 + len(states_of(mech.model)))), np.zeros(n))
+        return Estimate(np.zeros((n, 1 + len(mech.model.states))), np.zeros(n))
     # a finer run in the same scene has its own
     grazes = grazed(record) if record.steps.links.cross else []
     finer = _finer_run(record, plan)
@@ -177,7 +176,7 @@ def _notices(
         soft = tables.laws["law"] == SOFT
         if (tables.laws["friction"][soft] > 0.0).any():
             found[0] += "; where soft contacts should stick, use the law 'complementarity'"
-    states = states_of(record.mech.model) if error.shape[1] > 1 else ()
+    states = record.mech.model.states if error.shape[1] > 1 else ()
     for (control, k, _), own, size in zip(states, error[:, 1:].T, sizes[1:]):
         what = f"control '{control.name}': the error of its state x.{control.name}[{k + 1}]"
         same = np.array_equal(np.isfinite(own), np.isfinite(error[:, 0]))

@@ -24,7 +24,6 @@ from ..forces import BetweenPoints, Force, OnJoint, at_state, legs_of
 from ..mechanism import Mechanism
 from ..model import Control, Scenario
 from ..packing import Array
-from ..packing.signals import states_of
 from ..portable import array_of
 from ..tolerances import ROUNDING
 from .options import Options
@@ -124,7 +123,7 @@ def given_states(mech: Mechanism, states: Any) -> Array:
 
     Raises InputError for unknown controls and other counts of values.
     """
-    own = [control.name for control, _, _ in states_of(mech.model)]
+    own = [control.name for control, _, _ in mech.model.states]
     entries = names_in(states)
     if entries is None:
         return finite("states", states, len(own))

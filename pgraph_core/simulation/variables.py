@@ -24,7 +24,6 @@ from ..mechanism import Mechanism
 from ..packing import Array
 from ..packing.forces import times_at_bounds
 from ..packing.programs import unlocated
-from ..packing.signals import states_of
 from ..tolerances import EPS, NOTABLE, step_of_differences
 from .options import Options
 from .paths import Path, distinct, no_joint, with_numbers
@@ -337,7 +336,7 @@ class Slopes:
             found[(-self._nv if kind else self._end) + place] = 1.0
             return self._parts(found)
         found = self._by_differences(variable, h := variable.step(), end)
-        settled = any(own.at_rest for _, _, own in states_of(self._given.mech.model))
+        settled = any(own.at_rest for _, _, own in self._given.mech.model.states)
         if found.straight or not (settled or variable.idle is not None):
             return self._parts(found.slope)
         for _ in range(FINER):  # no size says how far the numbers go on smoothly
