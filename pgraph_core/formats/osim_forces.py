@@ -19,7 +19,7 @@ from ..tolerances import NOTABLE
 from .conversion import Report
 from .osim_functions import Curve, function_of
 from .osim_joints import Coordinate
-from .osim_muscles import ZERO, Muscle, Paths, muscle_of
+from .osim_muscles import ZERO, Muscle, Paths, losses, muscle_of
 from .osim_text import Array, Document, Element, Pose, turned
 
 Placed = Mapping[str, tuple[Coordinate, str, int]]  # coordinate, its body, its place or -1
@@ -93,6 +93,8 @@ class Forces:
                 self._lost(muscle.element, made)
             else:
                 self.forces.append(made)
+                for text in losses(muscle):
+                    self._lost(muscle.element, text)
                 on_cylinders += any(via.axis is not None for via in made.via)
         if on_cylinders:
             text = f"{on_cylinders} paths lie on cylinders, which have no ends here, and take the "
