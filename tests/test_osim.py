@@ -402,6 +402,8 @@ def test_numbers_of_a_muscle_that_are_not_read_are_a_named_loss(read, kind, numb
         "<maximum_pennation_angle>0.8</maximum_pennation_angle>",  # no effect on a straight fibre
         "<min_control>0.2</min_control><optimal_force>3</optimal_force>",  # nor of these
         curve("ActiveForceLength", minimum_value=0.2),  # nor of this with damping
+        "<MuscleFirstOrderActivationDynamicModel><minimum_activation>0</minimum_activation>"
+        "</MuscleFirstOrderActivationDynamicModel>",  # of version 3
     ],
 )
 def test_numbers_of_a_muscle_without_effect_are_no_loss(read, numbers):

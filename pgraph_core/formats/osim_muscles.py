@@ -291,6 +291,7 @@ IDLE = frozenset((  # of a path or a picture, or of the start, which is in equil
     # without effect on runs of OpenSim 4.6
     "optimal_force", "min_control", "max_control", "tendon_compliance_dynamics_mode",
     "ForceVelocityCurve/concentric_slope_at_vmax", "ForceVelocityCurve/eccentric_slope_at_vmax",
+    "MuscleFirstOrderActivationDynamicModel", "MuscleSecondOrderActivationDynamicModel",
     "Vmax", "Vmax0", "damping",  # of versions before 3
 ))  # fmt: skip
 
