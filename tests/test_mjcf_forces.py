@@ -520,3 +520,87 @@ def test_a_tendon_with_armature_keeps_its_spring(tmp_path):
     assert not report.loaded
     assert "armature 2" in texts(report, "left out")
     assert (model["rope"].stiffness, model["rope"].rest) == (200.0, 0.9)
+
+
+GIVING = """<mujoco><compiler angle="radian"/><worldbody>
+<body name="base"><joint name="under" axis="0 1 0"{under}/>
+  <geom type="capsule" fromto="0 0 0 0 0 -.2" size=".02" mass="2"/><site name="o" pos=".03 0 0"/>
+<body name="fore" pos="0 0 -.3"><joint name="j" axis="0 1 0"{joint}/>
+  <geom type="capsule" fromto="0 0 0 0 0 -.3" size=".02" mass="1"/><site name="e" pos=".03 0 -.06"/>
+</body></body></worldbody>
+<tendon><spatial name="rope"{tendon}><site site="o"/><site site="e"/></spatial>
+<fixed name="sum"><joint joint="j" coef=".5"/><joint joint="under" coef="2"/></fixed></tendon>
+<actuator>{actuator}</actuator></mujoco>"""
+FORCE = ' actuatorfrcrange="-2 2"'
+PULLS = '<{} name="pull" tendon="rope"{}/>'
+MUSCLE = ' lengthrange=".2 .4" force="500"'
+
+
+def giving(actuator, under="", joint="", tendon=""):
+    return GIVING.format(actuator=actuator, under=under, joint=joint, tendon=tendon)
+
+
+@pytest.mark.parametrize(
+    ("kind", "own", "parts", "fact"),
+    [
+        ("muscle", ' forcerange="-50 0"', {}, "-50 to 0"),
+        ("muscle", "", {"tendon": FORCE}, "-2 to 2"),
+        ("muscle", "", {"joint": FORCE}, "joint 'j'"),
+        ("muscle", ' delay=".02" nsample="4"', {}, "delay 0.02"),
+        ("muscle", ' armature="3"', {}, "armature 3"),
+        ("muscle", ' damping="3 2 1"', {}, "dampingpoly 2 1"),
+        ("motor", ' gear="2"', {"joint": FORCE}, "joint 'j'"),
+        ("position", ' kp="9"', {"joint": FORCE}, "joint 'j'"),
+        ("motor", ' delay=".02" nsample="4"', {}, "delay 0.02"),
+    ],
+)
+def test_numbers_that_a_pull_lacks_are_named_and_it_stays(tmp_path, kind, own, parts, fact):
+    own += MUSCLE if kind == "muscle" else ""
+    model, report = read(tmp_path, giving(PULLS.format(kind, own), **parts))
+    assert not report.loaded
+    assert fact in texts(report, "left out")
+    assert "pull" in [f.name for f in model.forces]
+
+
+def test_actearly_of_a_muscle_is_named(tmp_path):
+    loaded(tmp_path, giving(PULLS.format("muscle", MUSCLE)))
+    numbers = "0.75 1.05 -1 200 0.5 1.6 1.5 1.3 1.2"
+    kinds = " ".join(f'{x}type="muscle"' for x in ("dyn", "gain", "bias"))
+    own = f' {kinds} gainprm="{numbers}" biasprm="{numbers}" dynprm=".01 .04 0" actearly="true"'
+    _, report = read(tmp_path, giving(PULLS.format("general", f'{own} lengthrange=".2 .4"')))
+    assert not report.loaded
+    assert "actearly" in texts(report, "left out")
+
+
+@pytest.mark.parametrize("kind", ["muscle", "motor"])
+def test_limits_that_a_path_does_not_reach_are_no_loss(tmp_path, kind):
+    """The joint under both ends of the path."""
+    own = MUSCLE if kind == "muscle" else ""
+    loaded(tmp_path, giving(PULLS.format(kind, own), under=FORCE))
+
+
+def test_a_limit_of_a_joint_is_shared_with_a_path_that_moves_it(tmp_path):
+    motor = '<motor name="m" joint="j"/>'
+    _, report = read(tmp_path, giving(motor + PULLS.format("motor", ""), joint=FORCE))
+    assert "'m'" in texts(report, "approximated")
+    assert "'pull'" in texts(report, "left out")
+
+
+@pytest.mark.parametrize(
+    ("actuator", "armature"),
+    [('joint="j"', "2"), ('tendon="sum"', "0"), ('tendon="rope"', "0")],
+)
+@pytest.mark.parametrize("parts", [{}, {"tendon": ' stiffness="40" damping="5"'}])
+def test_damping_of_actuators_is_that_of_what_they_move(tmp_path, actuator, armature, parts):
+    own = f'{actuator} gear="-3" damping=".7" armature="{armature}" forcerange="-.1 .1"'
+    own += ' biastype="affine" biasprm=".4"'
+    model = loaded(tmp_path, giving(f"<general {own}/>", **parts))
+    m, _ = compiled(tmp_path)
+    assert agree(model, m)
+
+
+def test_the_control_of_a_muscle_is_that_beside_an_actuator_with_two_inputs(tmp_path):
+    pid = '<pid name="pid" joint="j" kp="50" kv="5" input="pos vel"/>'
+    muscle = PULLS.format("muscle", f'{MUSCLE} ctrlrange=".2 1"')
+    model, _ = read(tmp_path, giving(pid + muscle))
+    assert model["pull"].weakest == 0.2

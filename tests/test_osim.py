@@ -337,6 +337,138 @@ def test_a_muscle_that_has_no_counterpart_is_a_named_loss(read, old, new, fact):
     assert_names("\n".join(model.lost), fact, "hamstring")
 
 
+ALONG = """<{0} name="m"><GeometryPath name="path"><PathPointSet><objects><PathPoint name="a">
+<socket_parent_frame>/ground</socket_parent_frame><location>0 0 0</location></PathPoint>
+<PathPoint name="b"><socket_parent_frame>/bodyset/leg</socket_parent_frame>
+<location>0 0 0</location></PathPoint></objects></PathPointSet></GeometryPath>
+<max_isometric_force>500</max_isometric_force><optimal_fiber_length>0.1</optimal_fiber_length>
+<tendon_slack_length>0.15</tendon_slack_length>{1}</{0}>"""
+SLIDER = HIP.replace("PinJoint", "SliderJoint")
+MILLARD, DEGROOTE = "Millard2012EquilibriumMuscle", "DeGrooteFregly2016Muscle"
+RIGID = "<ignore_tendon_compliance>true</ignore_tendon_compliance>"
+
+
+def curve(name, **numbers):
+    inside = "".join(f"<{key}>{value}</{key}>" for key, value in numbers.items())
+    return f"<{name}Curve name='c'>{inside}</{name}Curve>"
+
+
+CURVES = (
+    curve(
+        "TendonForceLength", strain_at_one_norm_force=0.06, stiffness_at_one_norm_force=30,
+        norm_force_at_toe_end=0.5, curviness=0.7,
+    )
+    + curve(
+        "FiberForceLength", strain_at_zero_force=0.05, strain_at_one_norm_force=0.6,
+        stiffness_at_low_force=0.3, stiffness_at_one_norm_force=5, curviness=0.5,
+    )
+    + curve(
+        "ForceVelocity", concentric_slope_at_vmax=0.1, concentric_slope_near_vmax=0.3,
+        isometric_slope=4, eccentric_slope_at_vmax=0.1, eccentric_slope_near_vmax=0.2,
+        max_eccentric_velocity_force_multiplier=1.5, concentric_curviness=0.5,
+        eccentric_curviness=0.7,
+    )
+)  # fmt: skip
+PASSIVE = "<ignore_passive_fiber_force>true</ignore_passive_fiber_force>"
+
+
+@pytest.mark.parametrize(
+    ("kind", "numbers", "length", "speed", "activation", "tension"),
+    [  # tensions of OpenSim 4.6 [N]
+        (MILLARD, CURVES, 0.28, 0.0, 0.3, 169.1633474704156),
+        (MILLARD, CURVES, 0.31, 0.0, 0.1, 354.0488671580586),
+        (MILLARD, CURVES + RIGID, 0.255, -0.5, 0.5, 27.461292278943297),
+        (MILLARD, CURVES + RIGID, 0.255, 0.5, 0.5, 374.3926984566449),
+        (DEGROOTE, PASSIVE, 0.29, 0.0, 0.3, 62.578670658695046),
+        (DEGROOTE, RIGID, 0.255, -0.2, 0.5, 147.96057621130905),  # without damping
+    ],
+)
+def test_the_numbers_of_a_muscle_give_the_tension_of_opensim(
+    read, kind, numbers, length, speed, activation, tension
+):
+    """Bounds as in tests/core/test_muscles.py: curves of Millard have there 1e-5."""
+    model, report = read(joints=SLIDER, ForceSet=ALONG.format(kind, numbers))
+    assert report.loaded, report
+    model = model.edit("m", start=activation).edit("leg", q=(length,), v=(speed,))
+    run = pg.simulate(model, t_end=1e-6, frames=2)
+    assert run.tension["m"][0] == pytest.approx(tension, rel=1e-5)
+
+
+def test_a_muscle_without_numbers_has_those_of_opensim(read):
+    forces = "".join(
+        ALONG.format(kind, "").replace('"m"', f'"{name}"')
+        for name, kind in (("t", "Thelen2003Muscle"), ("m", MILLARD), ("d", DEGROOTE))
+    )
+    model, report = read(joints=SLIDER, ForceSet=forces)
+    assert report.loaded
+    names = "start", "weakest", "damping", "rise", "fall", "fastest"
+    assert [tuple(map(f.of_model, names)) for f in model.forces] == [
+        (0.05, 0.01, 0.0, 0.015, 0.05, 10.0),
+        (0.05, 0.01, 0.1, 0.01, 0.04, 10.0),
+        (0.5, 0.0, 0.0, 0.015, 0.06, 10.0),
+    ]
+
+
+def test_the_steepness_of_an_activation_is_that_of_opensim(read):
+    """The rate at u = 0.9 and a = 0.5 in OpenSim 4.6, in a process of its own."""
+    steep = "<activation_dynamics_smoothing>3</activation_dynamics_smoothing>"
+    model, report = read(joints=SLIDER, ForceSet=ALONG.format(DEGROOTE, steep))
+    assert report.loaded
+    model = model.edit("m", excitation=0.9).edit("leg", q=(0.25,))
+    a = pg.simulate(model, t_end=2e-5, frames=3, method="rk4", step=1e-5)["activation.m"]
+    rate = (4 * a[1] - 3 * a[0] - a[2]) / 2e-5  # its error is below 1e-6 of it
+    assert rate == pytest.approx(20.252088278912343, rel=1e-5)
+
+
+def test_names_of_old_versions_are_those_of_new_ones_as_in_opensim(read):
+    old = "<pennation_angle>0.15</pennation_angle><Vmax>15</Vmax><Vmax0>5</Vmax0>"
+    force = ALONG.format("Thelen2003Muscle", f"{old}<damping>0.05</damping>")
+    model, report = read(version=20300, joints=SLIDER, ForceSet=force)
+    assert report.loaded
+    assert (model["m"].pennation, model["m"].of_model("fastest")) == (0.15, 10.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "numbers", "fact"),
+    [
+        (MILLARD, "<ignore_activation_dynamics>true</ignore_activation_dynamics>", ""),
+        (
+            MILLARD,
+            "<pennation_angle_at_optimal>0.2</pennation_angle_at_optimal>"
+            "<maximum_pennation_angle>0.8</maximum_pennation_angle>",
+            "maximum_pennation_angle 0.8",
+        ),
+        (MILLARD, curve("ForceVelocity", roughness=3), "ForceVelocityCurve/roughness 3"),
+        ("Thelen2003Muscle", "<fatigue>fast</fatigue>", "fatigue fast"),
+        ("PathActuator", "<lag>0.1</lag>", "lag 0.1"),
+    ],
+)
+def test_numbers_of_a_muscle_that_are_not_read_are_a_named_loss(read, kind, numbers, fact):
+    model, report = read(joints=SLIDER, ForceSet=ALONG.format(kind, numbers))
+    assert len(model.forces) == 1
+    assert not report.loaded
+    assert_names("\n".join(model.lost), kind, fact or "ignore_activation_dynamics true", "'m'")
+
+
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        "<ignore_activation_dynamics>false</ignore_activation_dynamics>",
+        "<pennation_angle_at_optimal>0.2</pennation_angle_at_optimal>"
+        "<maximum_pennation_angle>1.47063</maximum_pennation_angle>",  # as OpenSim writes it
+        "<maximum_pennation_angle>0.8</maximum_pennation_angle>",  # no effect on a straight fibre
+        "<min_control>0.2</min_control><optimal_force>3</optimal_force>",  # nor of these
+        curve("ActiveForceLength", minimum_value=0.2),  # nor of this with damping
+        "<MuscleFirstOrderActivationDynamicModel><minimum_activation>0</minimum_activation>"
+        "</MuscleFirstOrderActivationDynamicModel>",  # of version 3
+    ],
+)
+def test_numbers_of_a_muscle_without_effect_are_no_loss(read, numbers):
+    model, report = read(joints=SLIDER, ForceSet=ALONG.format(MILLARD, numbers))
+    assert report.loaded
+    assert not model.lost
+
+
 # -- bad input -------------------------------------------------------------------------------------
 
 SPLINED = custom("a b", rotation1=("a", "0 0 1", LINE), translation1=("b", "1 0 0", BEND))

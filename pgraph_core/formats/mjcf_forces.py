@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import cached_property
 from typing import Any
 
@@ -16,13 +16,13 @@ from ..forces.strut import Lines
 from ..model import Actuator, Drag, Force, Motor, Servo, SpeedServo, Spring, Tendon, Wrench
 from ..rotation import unit
 from .conversion import NO_LIMIT, unused
+from .mjcf_actuators import ON_JOINT, ON_TENDON, channel, left, pass_on
 from .mjcf_compiled import BALL, FREE, MINVAL, Reading
 from .mjcf_muscles import is_muscle, muscle_of, why_not
-from .mjcf_tendon_paths import ALONG_JOINT, TendonPaths
+from .mjcf_tendon_paths import ALONG_JOINT, PULLEY, SITE, TendonPaths
 
 Array = np.ndarray
 TENDON = 3  # mjtEq
-ON_JOINT, ON_TENDON = (0, 1), 3  # mjtTrn: (joint, joint in parent), tendon
 INTEGRATOR, FILTERS = 1, (2, 3)  # mjtDyn: integrator, (filter, filterexact)
 GROUPS = 31  # number of actuator groups that MuJoCo can switch off, 0 to 30
 
@@ -36,6 +36,10 @@ class Forces(TendonPaths):
 
     def __init__(self, reader: Reading):
         self.reader, self.m, self.report = reader, reader.m, reader.report
+        self.actuators = len(self.m.actuator_trnid)
+        if passed := pass_on(self.m):
+            text = f"that of its joint or tendon, times the square of its gear: {choices(passed)}"
+            self.report.add("converted", self.reader.path.name, text)
         self.obey_flags()
 
     def obey_flags(self) -> None:
@@ -75,7 +79,6 @@ class Forces(TendonPaths):
         self.passive = not (m.opt.disableflags & springs and m.opt.disableflags & dampers)
         self.filters = not m.opt.disableflags & int(bits.mjDSBL_FILTERPARENT)
         self.driven = not m.opt.disableflags & int(bits.mjDSBL_ACTUATION)
-        self.actuators = len(m.actuator_trnid)
         if self.actuators and not self.driven:
             text = (
                 f"the file switches off: actuation, so its {self.actuators} actuators are left out"
@@ -129,18 +132,13 @@ class Forces(TendonPaths):
             if self._switched_off(a, name):
                 continue
             if (one := self._actuator(a, name)) is not None:
+                for text in left(self.m, a):
+                    self.reader.left_out("actuator", name, text)
                 yield one
         yield from self._tendons()
         yield from self._drags()
         yield from self._lifts()
         yield from self._mounts()
-
-    def _channel(self, a: int) -> tuple[int, int]:
-        """Return the rows for the output and input of an actuator in MuJoCo's tables."""
-        m = self.m
-        if not hasattr(m, "actuator_outadr"):  # before MuJoCo 4 each actuator has one of both
-            return a, a
-        return int(m.actuator_outadr[a]), int(m.actuator_ctrladr[a])
 
     def _several(self, a: int) -> str:
         """Return a message if an actuator does not have exactly one input and one output."""
@@ -309,7 +307,7 @@ class Forces(TendonPaths):
             return None
         if sums is None:
             return self._along_path(a, name)
-        output, control = self._channel(a)
+        output, control = channel(self.m, a)
         gear, gain, (b0, b1, b2) = self._law(a)
         fields: dict[str, Any] = {"name": name, "gear": gear, **self._limits(a, sums, name)}
         if kind == ON_TENDON:
@@ -320,9 +318,6 @@ class Forces(TendonPaths):
         if low > -np.inf:
             fields |= {"input_low": low, "input_high": high}
         u = min(max(0.0, low), high)
-        if m.actuator_actearly[a] and m.actuator_dyntype[a]:
-            text = "actearly: its force follows the activation without the step that MuJoCo adds"
-            self.reader.left_out("actuator", name, text)
         if m.actuator_dyntype[a] in FILTERS:
             fields["lag"] = float(m.actuator_dynprm[a, 0])
             fields |= {"start": 0.0} if u else {}
@@ -340,14 +335,14 @@ class Forces(TendonPaths):
 
     def _law(self, a: int) -> tuple[float, float, list[float]]:
         """Return gear, gain and bias (3,) of an actuator."""
-        m, (output, _) = self.m, self._channel(a)
+        m, (output, _) = self.m, channel(self.m, a)
         affine = m.actuator_biastype[a] == 1
         bias = [float(x) if affine else 0.0 for x in m.actuator_biasprm[a, :3]]
         return float(m.actuator_gear[output, 0]), float(m.actuator_gainprm[a, 0]), bias
 
     def _muscle(self, a: int, name: str) -> Muscle | None:
         """Return the muscle of an actuator along the path of a tendon."""
-        m, (output, _) = self.m, self._channel(a)
+        m, (output, control) = self.m, channel(self.m, a)
         gear = float(m.actuator_gear[output, 0])
         text: Any = "a muscle that does not act along a tendon over sites"
         if m.actuator_trntype[a] == ON_TENDON and self._moved(a) is None:
@@ -357,7 +352,14 @@ class Forces(TendonPaths):
         if isinstance(text, str) or not text:
             return None
         fields = {**text, **muscle_of(m, a, gear)}
-        (low, high), (least, most) = self._range("ctrl", a), self._range("act", a)
+        weakest, strongest, shared = self._forces_of(a)
+        if weakest > -np.inf or strongest < 0.0 or (shared > 1 and strongest < np.inf):
+            text = (
+                f"a limit of its force, {weakest:g} to {strongest:g}, which a muscle has not here"
+            )
+            self.reader.left_out("actuator", name, text)
+        self._tell_limits(a, name)
+        (low, high), (least, most) = self._range("ctrl", control), self._range("act", a)
         if high < 1.0 or least > 0.0 or most < 1.0:
             text = "a muscle whose control or activation is held below 1, or its activation above 0"
             self.reader.left_out("actuator", name, text)
@@ -375,11 +377,12 @@ class Forces(TendonPaths):
             self.reader.left_out("actuator", name, path)
         if isinstance(path, str) or not path:
             return None
+        self._tell_limits(a, name)
         gear, gain, (b0, b1, b2) = self._law(a)
         fields: dict[str, Any] = {
             "gain": gear * gain, "bias": gear * b0, "kp": -(gear**2) * b1, "kd": -(gear**2) * b2,
         }  # fmt: skip
-        low, high = self._range("ctrl", self._channel(a)[1])
+        low, high = self._range("ctrl", channel(self.m, a)[1])
         fields |= {"input_low": low, "input_high": high, "input": min(max(0.0, low), high)}
         *ends, shared = self._forces_of(a)
         limits = zip(("force_low", "force_high"), sorted(gear * x for x in ends))
@@ -393,6 +396,29 @@ class Forces(TendonPaths):
         fields = {key: x + 0.0 for key, x in fields.items() if np.isfinite(x)}
         given: dict[str, Any] = {**path, **fields, **bounds}
         return LinearActuator(name=name, **given)
+
+    def _tell_limits(self, a: int, name: str) -> None:
+        """Report the limits of what actuators give in joints that a path moves."""
+        limited = [j for j in self._joints_of(a) if self.m.jnt_actfrclimited[j]]
+        if limited:
+            names = choices(shown(self.m.joint(j).name) for j in limited)
+            text = f"the limit of what actuators give in joint {names}, which its path moves"
+            self.reader.left_out("actuator", name, text)
+
+    def _joints_of(self, a: int) -> Collection[int]:
+        """Return the joints that an actuator moves, also by the path of a tendon."""
+        m, t = self.m, int(self.m.actuator_trnid[a, 0])
+        if m.actuator_trntype[a] not in (*ON_JOINT, ON_TENDON):
+            return ()
+        if (sums := self._moved(a)) is not None:
+            return sums
+        parts = range(first := int(m.tendon_adr[t]), first + int(m.tendon_num[t]))
+        above = list[set[int]]()
+        for w in parts:
+            if m.wrap_type[w] != PULLEY:
+                places = m.site_bodyid if m.wrap_type[w] == SITE else m.geom_bodyid
+                above.append({*self._joints_above(int(places[m.wrap_objid[w]]))})
+        return set.union(*above) - set.intersection(*above)
 
     def _forces_of(self, a: int) -> tuple[float, float, int]:
         """Return the least and greatest force of an actuator and its tendon, before its gear.
@@ -409,12 +435,13 @@ class Forces(TendonPaths):
 
     def _tell_shared(self, name: str) -> None:
         text = "the limit of the sum of several actuators holds for each of them here"
-        self.report.add("approximated", self.reader.where("actuator", name), text, part=name)
+        where = self.reader.where("actuator", name)
+        self.report.add("approximated", where, text, acts=True, part=name)
 
     @cached_property
     def _actuators_of(self) -> Counter[int]:
         """The number of actuators of each joint, also along tendons."""
-        return Counter(j for a in range(self.actuators) for j in self._moved(a) or ())
+        return Counter(j for a in range(self.actuators) for j in self._joints_of(a))
 
     def _moved(self, a: int) -> Sums | None:
         """Return the joints of an actuator, or None if its length is no sum of coordinates."""
@@ -441,7 +468,7 @@ class Forces(TendonPaths):
         m = self.m
         if several := self._several(a):
             return several
-        output, control = self._channel(a)
+        output, control = channel(self.m, a)
         if m.actuator_trntype[a] not in (*ON_JOINT, ON_TENDON):
             return "an actuator that does not act on a joint or tendon (on a site or body)"
         if m.actuator_trntype[a] != ON_TENDON and m.jnt_type[m.actuator_trnid[a, 0]] < 2:
@@ -454,18 +481,13 @@ class Forces(TendonPaths):
             return "an actuator with a state other than a filter or integral (muscle)"
         if filtered and (least > low or most < high):
             return "an actuator with a bounded filter"
-        if a in m.set_in("actuator_delay"):
-            return "an actuator with a delay"
         if m.actuator_gaintype[a] != 0 or m.actuator_biastype[a] not in (0, 1):
             return "an actuator whose gain depends on the state"
-        for key in ("actuator_armature", "actuator_damping", "actuator_dampingpoly"):
-            if a in m.set_in(key):
-                return "an actuator with its own armature or damping"
         return ""
 
     def _limits(self, a: int, sums: Sums, name: str) -> dict[str, float]:
         """Return the minimum and maximum torque, before the gear."""
-        m, (output, _) = self.m, self._channel(a)
+        m, (output, _) = self.m, channel(self.m, a)
         gear = float(m.actuator_gear[output, 0])
         low, high, shared = self._forces_of(a)
         for j, x in sums.items():

@@ -19,7 +19,7 @@ from ..tolerances import NOTABLE
 from .conversion import Report
 from .osim_functions import Curve, function_of
 from .osim_joints import Coordinate
-from .osim_muscles import ZERO, Muscle, Paths, muscle_of
+from .osim_muscles import ZERO, Muscle, Paths, losses, muscle_of
 from .osim_text import Array, Document, Element, Pose, turned
 
 Placed = Mapping[str, tuple[Coordinate, str, int]]  # coordinate, its body, its place or -1
@@ -98,12 +98,12 @@ class Forces:
                 self._lost(muscle.element, made)
             else:
                 self.forces.append(made)
+                for text in losses(muscle):
+                    self._lost(muscle.element, text)
                 curved += any(via.axis is not None or via.radii is not None for via in made.via)
         if curved:
-            text = (
-                f"{curved} paths lie on cylinders, which have no ends here, or on ellipsoids, and "
-            )
-            text += "take the shortest way, which those of OpenSim do not always"
+            text = f"{curved} paths lie on cylinders, which have no ends here, or on ellipsoids, "
+            text += "and take the shortest way, which those of OpenSim do not always"
             self.report.add("approximated", self.file.name, text, acts=True)
         for (text, acts), elements in self.lost.items():
             names = choices(shown(x.get("name")) for x in elements)

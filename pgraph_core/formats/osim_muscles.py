@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -12,9 +12,10 @@ from .. import forces as kinds
 from ..errors import ModelError, shown
 from ..fields import GROUND
 from ..forces import BetweenPoints, LinearActuator, Shift, Strut, Via, Within
+from ..forces.muscle import STEEPEST
 from ..forces.riding import CoordinateOf, shifted
 from ..rotation import quaternion_of, unit_vector
-from ..tolerances import TINY
+from ..tolerances import NOTABLE, TINY
 from .osim_functions import Curve, function_of
 from .osim_text import Array, Document, Element, Pose, turned
 
@@ -105,13 +106,42 @@ class Path(NamedTuple):
     wraps: tuple[Wrap, ...]
 
 
+class Numbers:
+    """The numbers and flags in an element by name, which know for which of them one asked.
+
+    The texts of what is neither are NaN.
+    """
+
+    def __init__(self, given: Mapping[str, str]):
+        self.given, self.asked = given, set[str]()
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.given
+
+    def __getitem__(self, name: str) -> float:
+        self.asked.add(name)
+        return value_of(self.given[name])
+
+    def get(self, name: str, usual: float | None = None) -> Any:
+        """Return a number, or `usual` without one."""
+        return self[name] if name in self.given else usual
+
+    def left(self) -> Iterator[str]:
+        """Yield those for which nothing asked, and with which a force is not as without them."""
+        for name, text in self.given.items():
+            if name in self.asked or not IDLE.isdisjoint((name, name.split("/")[0])):
+                continue
+            if not math.isclose(value_of(text), NONE.get(name, math.nan), rel_tol=NOTABLE):
+                yield f"{name} {text}"
+
+
 class Muscle(NamedTuple):
     """A force along a path: its kind, such as Thelen2003Muscle, and all its numbers and flags."""
 
     name: str
     kind: str
     path: Path
-    numbers: Mapping[str, float]
+    numbers: Numbers
     element: Element
     on: bool
 
@@ -150,18 +180,47 @@ def muscle_of(
     return f"{muscle.kind} along its path"
 
 
+def losses(muscle: Muscle) -> Iterator[str]:
+    """Yield texts about the numbers of a muscle that the force which was made of it lacks."""
+    for text in muscle.numbers.left():
+        yield f"{muscle.kind} with {text}, for which it has no number here"
+
+
 def _muscle(muscle: Muscle, fields: dict[str, Any]) -> BetweenPoints:
-    (model, shape), n = MODELS[muscle.kind], muscle.numbers
-    fields |= {ours: n.get(theirs, usual) for ours, (theirs, usual) in FIELDS.items()}
-    fields |= {ours: n[theirs] for ours, theirs in OWN.items() if theirs in n}
-    fields["shape"] = {ours: n[theirs] for theirs, ours in shape.items() if theirs in n}
-    if model == "millard2012":
-        fields["shape"]["least_active"] = 0.0
+    kind, n = MODELS[muscle.kind], muscle.numbers
+    usual = {**USUAL, **kind.usual}
+    for ours, theirs in FIELDS.items():
+        if (value := n.get(theirs, usual.get(theirs))) is not None:
+            fields[ours] = value
+    shape = {ours: n[theirs] for theirs, ours in kind.shape.items() if theirs in n}
+    if kind.model == "millard2012":
+        shape |= _slopes(n)
+        shape["least_active"] = 0.0
         if not n.get("fiber_damping", 0.1):
-            fields["shape"]["least_active"] = n.get("ActiveForceLengthCurve/minimum_value", 0.1)
+            shape["least_active"] = n.get("ActiveForceLengthCurve/minimum_value", 0.1)
+        n.asked.add("ActiveForceLengthCurve/minimum_value")  # of no effect with damping
+    if n.get("ignore_passive_fiber_force"):
+        shape["passive_force"] = 0.0
     if n.get("ignore_tendon_compliance"):
         fields["tendon"] = "rigid"
-    return kinds.Muscle(**fields, model=model)
+    if not fields["pennation"]:
+        n.asked.add("maximum_pennation_angle")  # of no effect without one
+    return kinds.Muscle(**fields, model=kind.model, shape=shape)
+
+
+def _slopes(n: Numbers) -> dict[str, float]:
+    """Return the slopes of the curves of Millard at force 1, over the mean ones to there."""
+    found = dict[str, float]()
+    for curve, low, high, name in (
+        ("Fiber", 0.0, 0.7, "passive"),
+        ("Tendon", 0.0, 0.049, "tendon"),
+    ):
+        curve = f"{curve}ForceLengthCurve/"
+        if (slope := n.get(f"{curve}stiffness_at_one_norm_force")) is not None:
+            zero = n.get(f"{curve}strain_at_zero_force", low)
+            strain = n.get(f"{curve}strain_at_one_norm_force", high)
+            found[f"{name}_stiffness"] = slope * (strain - zero)
+    return found
 
 
 def _function_of(curve: Curve) -> Any:
@@ -263,28 +322,56 @@ def _via(obstacle: Obstacle, ends: Sequence[Array], at_start: AtStart, *, alone:
     return Via(**found, radius=obstacle.sizes[0], axis=axis)
 
 
-FIELDS = {  # fields of muscles: names in the file, and their values without them
-    "f_max": ("max_isometric_force", 1000.0),
-    "l_opt": ("optimal_fiber_length", 0.1),
-    "l_slack": ("tendon_slack_length", 0.2),
-    "pennation": ("pennation_angle_at_optimal", 0.0),
-    "fastest": ("max_contraction_velocity", 10.0),
-    "weakest": ("minimum_activation", 0.01),
-    "start": ("default_activation", 0.05),
-}
-OWN = {
+FIELDS = {  # fields of muscles: names in the file
+    "f_max": "max_isometric_force",
+    "l_opt": "optimal_fiber_length",
+    "l_slack": "tendon_slack_length",
+    "pennation": "pennation_angle_at_optimal",
+    "fastest": "max_contraction_velocity",
+    "weakest": "minimum_activation",
+    "start": "default_activation",
     "rise": "activation_time_constant",
     "fall": "deactivation_time_constant",
     "damping": "fiber_damping",
 }
-# kinds of muscles: our model, and the numbers of its curves by their names in the file
-MODELS: dict[str, tuple[Any, dict[str, str]]] = {
-    "Thelen2003Muscle": ("thelen2003", {
+USUAL = {  # values in OpenSim 4.6 without them in the file, where those of our models differ
+    "max_isometric_force": 1000.0,
+    "optimal_fiber_length": 0.1,
+    "tendon_slack_length": 0.2,
+    "pennation_angle_at_optimal": 0.0,
+    "default_activation": 0.05,
+}
+# numbers that no field has, with the value at which they have no effect
+NONE = {"ignore_activation_dynamics": 0.0, "maximum_pennation_angle": STEEPEST}
+IDLE = frozenset((  # of a path or a picture, or of the start, which is in equilibrium here
+    "path", "GeometryPath", "components", "Appearance", "display", "appliesForce", "isDisabled",
+    "default_fiber_length", "default_normalized_tendon_force",
+    # without effect on runs of OpenSim 4.6
+    "optimal_force", "min_control", "max_control", "tendon_compliance_dynamics_mode",
+    "ForceVelocityCurve/concentric_slope_at_vmax", "ForceVelocityCurve/eccentric_slope_at_vmax",
+    "MuscleFirstOrderActivationDynamicModel", "MuscleSecondOrderActivationDynamicModel",
+    "Vmax", "Vmax0", "damping",  # of versions before 3
+))  # fmt: skip
+
+
+OLD = {"pennation_angle": "pennation_angle_at_optimal"}  # names that OpenSim changes
+
+
+class Kind(NamedTuple):
+    """A kind of muscle of OpenSim."""
+
+    model: Any
+    shape: Mapping[str, str]  # numbers of its curves: names in the file, and ours
+    usual: Mapping[str, float] = {}  # as USUAL
+
+
+MODELS: dict[str, Kind] = {
+    "Thelen2003Muscle": Kind("thelen2003", {
         "KshapeActive": "active_width", "FmaxMuscleStrain": "passive_strain",
         "KshapePassive": "passive_shape", "Af": "shortening", "Flen": "lengthening",
         "fv_linear_extrap_threshold": "followed", "FmaxTendonStrain": "tendon_strain",
     }),
-    "Millard2012EquilibriumMuscle": ("millard2012", {
+    "Millard2012EquilibriumMuscle": Kind("millard2012", {
         "ActiveForceLengthCurve/min_norm_active_fiber_length": "shortest",
         "ActiveForceLengthCurve/transition_norm_fiber_length": "transition",
         "ActiveForceLengthCurve/max_norm_active_fiber_length": "longest",
@@ -293,15 +380,22 @@ MODELS: dict[str, tuple[Any, dict[str, str]]] = {
         "ForceVelocityCurve/concentric_slope_near_vmax": "shortening_slope",
         "ForceVelocityCurve/isometric_slope": "isometric_slope",
         "ForceVelocityCurve/eccentric_slope_near_vmax": "lengthening_slope",
+        "ForceVelocityCurve/concentric_curviness": "shortening_curviness",
+        "ForceVelocityCurve/eccentric_curviness": "lengthening_curviness",
         "FiberForceLengthCurve/strain_at_zero_force": "passive_zero",
         "FiberForceLengthCurve/strain_at_one_norm_force": "passive_strain",
+        "FiberForceLengthCurve/stiffness_at_low_force": "passive_low",
+        "FiberForceLengthCurve/curviness": "passive_curviness",
         "TendonForceLengthCurve/strain_at_one_norm_force": "tendon_strain",
+        "TendonForceLengthCurve/norm_force_at_toe_end": "toe_force",
+        "TendonForceLengthCurve/curviness": "tendon_curviness",
     }),
-    "DeGrooteFregly2016Muscle": ("degroote2016", {
+    "DeGrooteFregly2016Muscle": Kind("degroote2016", {
         "active_force_width_scale": "active_width",
         "passive_fiber_strain_at_one_norm_force": "passive_strain",
         "tendon_strain_at_one_norm_force": "tendon_strain",
-    }),
+        "activation_dynamics_smoothing": "steepness",
+    }, {"default_activation": 0.5, "minimum_activation": 0.0, "fiber_damping": 0.0}),
 }  # fmt: skip
 
 
@@ -345,11 +439,18 @@ class Paths:
     def muscle(self, element: Element, on: bool) -> Muscle:
         """Return what acts along the path inside an element. Raises FileError."""
         path = next(x for x in element.inside() if x.tag == "GeometryPath")
-        numbers = dict[str, float]()
+        numbers = dict[str, str]()
         for child in (*self.file.defaults(element), *element.children):
             if child is not path:
                 numbers |= _numbers(child)
-        return Muscle(element.get("name"), element.tag, self.path(path), numbers, element, on)
+        return Muscle(
+            element.get("name"),
+            element.tag,
+            self.path(path),
+            Numbers({OLD.get(k, k): x for k, x in numbers.items()}),
+            element,
+            on,
+        )
 
     def path(self, element: Element) -> Path:
         """Return a path. Raises FileError."""
@@ -394,18 +495,23 @@ class Paths:
         return PathPoint(name, body, point, (coordinate,), (low, high))
 
 
-def _numbers(element: Element, of: str = "") -> dict[str, float]:
-    """Return the numbers and flags in an element, those of a curve as "Curve/number"."""
-    text = element.text.strip().lower()
+def _numbers(element: Element, of: str = "") -> dict[str, str]:
+    """Return the texts in an element by name, those in a curve as "Curve/number"."""
+    name = of + element.tag
     if element.children:
-        inside = (_numbers(x, f"{element.tag}/") for x in element.children)
+        inside = (_numbers(x, f"{name}/") for x in element.children)
         return {k: v for found in inside for k, v in found.items()}
-    if text in ("true", "false"):
-        return {of + element.tag: float(text == "true")}
+    text = element.text.strip()
+    return {name: text} if text else {}
+
+
+def value_of(text: str) -> float:
+    """Return a number, 0 or 1 for a flag, or NaN for other texts."""
+    flags = {"true": 1.0, "false": 0.0}
     try:
-        return {of + element.tag: float(text)}
-    except ValueError:  # a name, or several numbers
-        return {}
+        return flags[low] if (low := text.lower()) in flags else float(text)
+    except ValueError:
+        return math.nan
 
 
 def _held(element: Element, name: str) -> list[Element]:

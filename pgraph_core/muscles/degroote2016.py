@@ -22,9 +22,9 @@ BELLS = (
 SPEED = (-0.3211346127989808, -8.149, -0.374, 0.8825327733249912)
 
 
-def activation(a: Node, u: Node, rise: Node, fall: Node, _: Mapping[str, float]) -> Node:
+def activation(a: Node, u: Node, rise: Node, fall: Node, shape: Mapping[str, float]) -> Node:
     """Return the rate whose time constant changes smoothly with the direction, eqs. (1), (2)."""
-    steep = Node("number", value=2.0 * 0.1)  # twice the b of eq. (2)
+    steep = Node("number", value=2.0 * shape["steepness"])  # twice the b of eq. (2)
     share = filled("1/(1 + exp(-k*(u - a)))", k=steep, u=u, a=a)
     z = filled("0.5 + 1.5*a", a=a)
     by = filled("f/(rise*z) + (1 - f)*z/fall", f=share, rise=rise, fall=fall, z=z)
@@ -34,7 +34,7 @@ def activation(a: Node, u: Node, rise: Node, fall: Node, _: Mapping[str, float])
 def curves(shape: Mapping[str, float]) -> Curves:
     """Return the curves, eqs. (S1) to (S4)."""
     strain, width, k = shape["passive_strain"], shape["active_width"], shape["passive_shape"]
-    shortest, c = shape["shortest"], shape["tendon_toe"]
+    shortest, c, share = shape["shortest"], shape["tendon_toe"], shape["passive_force"]
     shift = math.exp(k * (shortest - 1.0) / strain)
     d1, d2, d3, d4 = SPEED
     # so that the strain at the largest isometric force is the given one
@@ -47,7 +47,7 @@ def curves(shape: Mapping[str, float]) -> Curves:
         )
 
     def passive(_: int, x: Array) -> Array:
-        return (np.exp(k * (x - 1.0) / strain) - shift) / (math.exp(k) - shift)
+        return share * (np.exp(k * (x - 1.0) / strain) - shift) / (math.exp(k) - shift)
 
     def velocity(_: int, x: Array) -> Array:
         return d1 * np.arcsinh(d2 * x + d3) + d4
@@ -68,7 +68,7 @@ MODEL = MuscleModel(
     about="De Groote 2016: smooth curves, for optimisation",
     shape={
         "active_width": 1.0, "passive_strain": 0.6, "passive_shape": 4.0, "tendon_strain": 0.049,
-        "tendon_toe": 0.2, "shortest": 0.2,
+        "tendon_toe": 0.2, "shortest": 0.2, "passive_force": 1.0, "steepness": 0.1,
     },
     curves=curves,
     activation=activation,

@@ -53,7 +53,8 @@ def _velocity(shape: Mapping[str, float]) -> Smooth:
         (near, most - 0.5 * lengthen * (1.0 - near), lengthen),
         (1.0, most, 0.0),
     ]
-    return bezier(corners, [0.6, 0.6, 0.9, 0.9])
+    left, right = shape["shortening_curviness"], shape["lengthening_curviness"]
+    return bezier(corners, [left, left, right, right])
 
 
 def _tendon(shape: Mapping[str, float]) -> Smooth:
@@ -76,6 +77,7 @@ MODEL = MuscleModel(
         "passive_strain": 0.7, "passive_stiffness": 2.0,
         "passive_low": 0.2, "passive_curviness": 0.75, "lengthening": 1.4,
         "shortening_slope": 0.25, "isometric_slope": 5.0, "lengthening_slope": 0.15,
+        "shortening_curviness": 0.6, "lengthening_curviness": 0.9,
         "tendon_strain": 0.049, "tendon_stiffness": 1.375, "toe_force": 2.0 / 3.0,
         "tendon_curviness": 0.5,
     },
