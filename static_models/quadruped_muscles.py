@@ -135,7 +135,8 @@ def of_left(name: str) -> str:
 def excitations(mech: pg.Mechanism, lifted: Sequence[str]) -> dict[str, float]:
     """Excitations that hold the animal standing, or the legs of these feet in the air."""
     tone = SOFT if lifted else TONE
-    toned = [edited(f, weakest=tone) for f in mech.model.forces]
+    muscles = [f for f in mech.model.forces if isinstance(f, pg.Muscle)]
+    toned = [edited(f, weakest=tone) for f in muscles]
     q = _raised(mech, lifted)
     bare = pg.Mechanism(mech.model.replace(forces=()))
     rest = np.zeros(bare.nv)

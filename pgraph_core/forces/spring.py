@@ -58,7 +58,7 @@ class Spring(BetweenPoints, Sprung):
     def _possible(self) -> Self:
         refuse_crossed_ends(self)
         limited = [name for name, x in zip(("low", "high"), ends_of(self)) if x is not None]
-        if (self.via or self.rides) and limited:
+        if (self.via or self._rides) and limited:
             text = "limits a straight spring, without `via` and shifts; use a pg.Strut along the "
             text += "same path, whose `spring` is steep beyond it, such as {'x': [0, 1, 2], "
             text += "'value': [0, 0, 1e5]} for at most 1 m"
