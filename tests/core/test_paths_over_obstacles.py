@@ -185,7 +185,7 @@ OVER_HINGES = (
 
 
 OVER_EGGS = (
-    {"body": "upper", "point": (1, 0, 0.02), "radii": (0.3, 0.2, 0.4), "side": (1, -5, 0)},
+    {"body": "upper", "point": (1, 0, 0.02), "radii": (0.3, 0.3, 0.4), "side": (1, -5, 0)},
     {"body": "ground", "point": (0, 0, 0), "radii": (0.15, 0.1, 0.12), **TURNED,
      "side": (0, 5, 0)},
 )  # fmt: skip
