@@ -8,11 +8,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..dynamics.paths import coordinates
 from ..forces import BetweenPoints, Via, at_state, legs_of, ways_past
 from ..forces.obstacle_rows import Past
-from ..forces.obstacles import ELLIPSOID, obstacle_of, turned_by
+from ..forces.obstacles import ELLIPSOID, obstacle_of
 from ..forces.path import Place
 from ..packing import Array
 from ..rotation import unit_vector
@@ -26,20 +27,34 @@ def pierced(record: Running) -> Iterator[str]:
 
     A point that is inside between two frames is not seen.
     """
-    mech = record.mech
-    states = [(t, record.out.q[i, : mech.nq]) for i, t in enumerate(record.steps.times)]
-    states = states[: record.steps.recorded]
-    paths = record.plan.wrapped
-    for text in (_inside, _kinked) if paths else ():
-        yield from itertools.islice((x for t, q in states for x in text(mech, paths, q, t)), 1)
+    mech, n, paths = record.mech, record.steps.recorded, record.plan.wrapped
+    times, states = record.steps.times[:n], record.out.q[:n, : mech.nq].copy()
+    if paths:
+        yield from _inside(mech, paths, times, states)
+        kinks = (x for t, q in zip(times, states) for x in _kinked(mech, paths, q, t))
+        yield from itertools.islice(kinks, 1)
 
 
-def _inside(mech: Any, forces: Iterable[BetweenPoints], q: Array, t: float) -> Iterator[str]:
-    for f, via, name in within(mech, forces, q):
+def _inside(
+    mech: Any, forces: Iterable[BetweenPoints], times: Array, states: Array
+) -> Iterator[str]:
+    """Yield a text about the point that is the first to be inside an obstacle beside it."""
+    first = len(times)
+    found = None
+    for f in forces:
+        rides = f._rides  # then its points are others in each frame
+        for k, q in enumerate(states[:first, None]) if rides else ((0, states[:first]),):
+            for via, name, inside in _points_inside(mech, _there(mech, f, q[0]), q):
+                if inside.any() and (i := k + int(inside.argmax())) < first:
+                    first, found = i, (f, via, name)
+            if rides and found is not None and first <= k:
+                break
+    if found is not None:
+        f, via, name = found
         yield (
             f"{f.kind} '{f.name}': its point on '{name}' is inside the obstacle of radius "
-            f"{via.largest:.6g} m on '{via.body}' at t = {t:.6g} s, and the path jumps to the "
-            "straight line; move the point outside"
+            f"{via.largest:.6g} m on '{via.body}' at t = {times[first]:.6g} s, and the path jumps "
+            "to the straight line; move the point outside"
         )
 
 
@@ -79,17 +94,15 @@ def _beyond(
             yield bool((near + s * ahead) @ (at(via.body, via.side) - centre) < 0.0)
 
 
-def within(
-    mech: Any, forces: Iterable[BetweenPoints], state: Array
-) -> Iterator[tuple[BetweenPoints, Via, str]]:
-    """Yield (force, obstacle, body) of each point of a path inside an obstacle beside it."""
-    at, turned = _places(mech, state)
-    for f in forces:
-        for p, past, q in legs_of(_there(mech, f, state), mech.model.body(f.body)):
-            ends = ((past[0], p), (past[-1], q)) if past else ()
-            for via, (name, point) in ends:
-                if _is_within(via, turned(via.body), at(name, point) - at(via.body, via.point)):
-                    yield f, via, name
+def _points_inside(
+    mech: Any, f: BetweenPoints, states: Array
+) -> Iterator[tuple[Via, str, NDArray[np.bool_]]]:
+    """Yield (obstacle, body, whether it is inside (n,)) of each point beside an obstacle."""
+    at, turned = _places(mech, states)
+    for p, past, q in legs_of(f, mech.model.body(f.body)):
+        for via, (name, point) in ((past[0], p), (past[-1], q)) if past else ():
+            apart = at(name, point) - at(via.body, via.point)
+            yield via, name, _is_within(via, np.einsum("...ji,...j->...i", turned(via.body), apart))
 
 
 def _there(mech: Any, f: BetweenPoints, q: Array) -> BetweenPoints:
@@ -97,26 +110,27 @@ def _there(mech: Any, f: BetweenPoints, q: Array) -> BetweenPoints:
     return at_state(f, mech.model.body(f.body), coordinates(mech.packed, q)) if f._rides else f
 
 
-def _places(mech: Any, state: Array) -> tuple[Any, Any]:
-    """Return the functions of `lines_of` that give points and orientations at a state."""
+def _places(mech: Any, states: Array) -> tuple[Any, Any]:
+    """Return the functions of `lines_of` that give points (..., 3) and orientations at states."""
     number = mech.topology.number
-    place, turn = mech.poses(state)
+    place, turn = mech.poses(states)
 
     def turned(name: str) -> Array:
-        return turn[number(name) - 1] if number(name) else np.eye(3)
+        return turn[..., number(name) - 1, :, :] if number(name) else np.eye(3)
 
     def at(name: str, point: Any) -> Array:
-        origin = place[number(name) - 1] if number(name) else np.zeros(3)
+        origin = place[..., number(name) - 1, :] if number(name) else np.zeros(3)
         return origin + turned(name) @ np.asarray(point)
 
     return at, turned
 
 
-def _is_within(via: Via, turn: Array, a: Array) -> bool:
-    """Check whether a point a [m], relative to the centre of an obstacle, is inside it."""
-    own = turned_by(obstacle_of(via), turn)
+def _is_within(via: Via, a: Array) -> NDArray[np.bool_]:
+    """Check whether points a (..., 3) [m], in its body's axes from its centre, are in an
+    obstacle."""
+    own = obstacle_of(via)
     if own["shape"] == ELLIPSOID:
         a = a @ own["axes"].reshape(3, 3) / own["radii"]
     else:
-        a = (a - (own["axis"] @ a) * own["axis"]) / own["radius"]
-    return bool(np.dot(a, a) < 1.0 - SOLVED)
+        a = (a - (a @ own["axis"])[..., None] * own["axis"]) / own["radius"]
+    return np.atleast_1d(np.sum(a * a, axis=-1) < 1.0 - SOLVED)
