@@ -6,6 +6,7 @@ From the tick of the clock to the messages queued, in models of which every body
 from __future__ import annotations
 
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,8 @@ def playback(effort: Effort, n: int, server: Any) -> Iterator[Row]:
     from pgraph_app.scene.view import SceneView
 
     state, sent = moving(n), [0, 0]
-    view = SceneView(server, lambda event: None)
+    page = SimpleNamespace(server=server, send=lambda *_: None)
+    view = SceneView(page, lambda event: None)
     view.render(state, state)
     counted(server, sent)
     times = iter(np.tile(np.linspace(0.001, 0.099, 200), 100_000))

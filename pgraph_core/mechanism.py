@@ -285,7 +285,7 @@ class Mechanism(Dynamics):
         """
         states = tuple(self._numbers(q=q, v=v, vdot=vdot))
         one = all(np.ndim(x) < 2 for x in states)
-        q, v, vdot = (np.atleast_2d(np.asarray(x, dtype=float)) for x in states)
+        q, v, vdot = (np.atleast_2d(np.asarray(x)) for x in states)
         n = max(map(len, (q, v, vdot)))
         sizes = {"q": (q, self.nq), "v": (v, self.nv), "vdot": (vdot, self.nv)}
         given = [finite(name, x, len(x), size) for name, (x, size) in sizes.items()]

@@ -155,7 +155,7 @@ def excitations(mech: pg.Mechanism, lifted: Sequence[str]) -> dict[str, float]:
 
 def edited(force: pg.Muscle, **changes: object) -> pg.Muscle:
     """The muscle with changed fields."""
-    return pg.Muscle(**{**force.model_dump(), **changes})
+    return force.model_copy(update=changes)
 
 
 def _raised(mech: pg.Mechanism, feet: Sequence[str]) -> Array:

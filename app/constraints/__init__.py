@@ -183,7 +183,9 @@ def of_path(item: Any) -> tuple[str, ...]:
     """Return the fields of the points of a path, in their order along it."""
     if "through" in type(item).model_fields:
         return ("through",)
-    return ("point", *item.PLACES, "other_point") if getattr(item, "PLACES", ()) else ()
+    if not getattr(item, "PLACES", ()):
+        return ()
+    return "point", "shifts", *item.PLACES, "other_point", "other_shifts"
 
 
 OF_MUSCLES = ("excitation", "f_max", "l_opt", "l_slack", "pennation", "model", "tendon")

@@ -313,6 +313,8 @@ def _field(
             return _points(item, cells, display)
         case "through":
             return _stations(model, item, cells[name], display)
+        case "shifts" | "other_shifts" if not getattr(item, name):
+            return []
         case "shifts" | "other_shifts":
             shows, text = about(item, name), riding.text_of_shifts(getattr(item, name))
             return [field(name, shows.label, [cell((), text)], kind="text",
@@ -596,7 +598,7 @@ def _of_station(
 
 def _of_ride(name: str, index: tuple[int, int], key: str, place: pg.Via) -> list[Payload]:
     """Return the row with the displacements of a point, or with the range in which it counts."""
-    if place.is_obstacle:
+    if not getattr(place, key):  # a plain point has no row for it
         return []
     shows = about(place, key)
     text, says = riding.text_of_range(place.when), "such as shank -0.8 0.2 [rad, m]"

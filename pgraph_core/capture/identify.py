@@ -106,7 +106,7 @@ def identify_inertia(
         print(found)
     """
     mech = mechanism_of(mechanism, "identify_inertia")
-    q = np.atleast_2d(np.asarray(q, float))
+    q = np.atleast_2d(np.asarray(q))
     n = len(q)
     q = finite("q", q, n, mech.nq)
     v, vdot, torque = (

@@ -260,10 +260,10 @@ class Markers:
         self.of_q, self.of_v = made.plain
         self.hinges = np.zeros(mech.nv, dtype=bool)  # that are back after a turn
         for name, joint in mech.joints.items():
-            kinds = [m.kind for m in mech.model.body(name).sequence]
-            self.before[joint.v, joint.v] = _before(kinds)
-            if joint.v.stop - joint.v.start == len(kinds):
-                self.hinges[joint.v] = [kind == "rotate" for kind in kinds]
+            motions = mech.model.body(name).sequence
+            self.before[joint.v, joint.v] = _before([m.kind for m in motions])
+            if joint.v.stop - joint.v.start == len(motions):
+                self.hinges[joint.v] = [m.facts.pivots for m in motions]
         seen = self.place[np.isfinite(self.place[..., 0])]
         self.size = float(np.ptp(self.point, axis=0).max() + np.ptp(seen, axis=0).max()) or 1.0
         self.scale = np.where(turns(mech), 1.0, self.size)

@@ -153,6 +153,7 @@ class Trial:
         return found
 
 
+@explained
 def read_trial(
     path: str | Path,
     *,

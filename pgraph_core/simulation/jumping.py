@@ -17,9 +17,7 @@ def jumped(record: Running) -> Iterator[str]:
     """Yield a notice about the jumps of each path between two frames, of each place the largest."""
     mech, n = record.mech, record.steps.recorded
     states = record.out.q[:n, : mech.nq]
-    for f in record.plan.acting:
-        if not isinstance(f, BetweenPoints) or all(via.when is None for via in f.via):
-            continue
+    for f in record.plan.ranged:
         found, first = dict[tuple[int, float], Jump](), 0.0
         for t, q in _crossings(mech, f, record.steps.times[:n], states):
             for jump in jumps_of(mech.packed, f, q):

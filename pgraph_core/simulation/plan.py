@@ -25,7 +25,7 @@ from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
 from ..packing import Array, Ints, Loads
 from ..packing.forces import drives_begun_from, exerts
-from ..packing.signals import begun_from
+from ..packing.signals import begun_from, gated
 from ..portable import array_of
 from ..result.records import Memory
 from ..tolerances import EPS, SOLVED
@@ -188,8 +188,8 @@ def varied(mech: Mechanism, o: Options, plan: RunPlan, tau: Any, q: Any, v: Any)
         contacts = stepped_tables(mech.packed, contacts, drives)
     acting = tuple(filter(exerts, forces))
     plan = replace(
-        plan, drives=drives, loads=loads, wrapped=_wrapped(forces), start=start, contacts=contacts,
-        acting=acting,
+        plan, drives=drives, loads=loads, wrapped=_wrapped(forces), ranged=gated(forces),
+        start=start, contacts=contacts, acting=acting,
     )  # fmt: skip
     return _with_memory(plan)
 
@@ -254,7 +254,7 @@ def _what_acts(
         driving=tuple(f.name for f in forces if isinstance(f, OnJoint)),
         varying=tuple(f for f in forces if f._varies and exerts(f)) + mech.model.rubbing,
         changes=changes, conditions=conditions, ever=ever(active, changes, conditions),
-        wrapped=_wrapped(forces), length=mech.packed.length,
+        wrapped=_wrapped(forces), ranged=gated(forces), length=mech.packed.length,
     )  # fmt: skip
     return _with_memory(plan)
 

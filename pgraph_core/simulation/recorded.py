@@ -220,7 +220,8 @@ def notices(record: Recording) -> tuple[str, ...]:
         found += on_curves(record)
     if plan.wrapped:
         found += [*pierced(record), *slipped(record)]
-    found += jumped(record)
+    if plan.ranged:
+        found += jumped(record)
     if model.cabled:
         found += on_wheels(record)
         found += pushing(record)

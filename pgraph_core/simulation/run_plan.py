@@ -104,6 +104,7 @@ class RunPlan(Way):
     acting: tuple[Force, ...]  # the forces in these tables
     varying: tuple[Force | Contact, ...] = ()  # parts with expressions, by their numbers
     wrapped: tuple[BetweenPoints, ...] = ()  # forces along paths past obstacles
+    ranged: tuple[BetweenPoints, ...] = ()  # those with points that count in a range
     active: Ints  # indices of the constraints active at the start
     idle: Idle | None = None  # contacts of bodies that nothing keeps above the ground
     conditions: tuple[ConditionOf, ...] = ()  # under which constraints go on and off

@@ -12,11 +12,10 @@ from ..errors import choices
 from ..forces import BetweenPoints, Via
 from ..packing import Array
 from ..result.slopes import BESIDE
-from ..tolerances import SOLVED
+from ..tolerances import NAMED, SOLVED
 from .running import Running
 
 HALVINGS = 24  # of an interval between frames, to a change by its bends below SOLVED
-UNUSUAL = 10.0  # changes more uneven than those of most intervals by this factor may hide a jump
 
 End = tuple[float, float, float]  # place in an interval between two frames, length, slope
 
@@ -37,7 +36,7 @@ def slipped(record: Running) -> Iterator[str]:
     uneven = np.abs(change - beside)
     for k, f in enumerate(forces):
         i = int(uneven[:, k].argmax())
-        if uneven[i, k] <= UNUSUAL * np.median(uneven[:, k]):
+        if NAMED * uneven[i, k] <= np.median(uneven[:, k]):  # as uneven as most intervals
             continue
         a, b = states[i], states[i + 1]
 

@@ -285,7 +285,7 @@ def test_shifts_and_ranges_of_points_are_typed_as_text_and_drawn(state):
         assert refused.model is state.model
         assert reply(refused)
     state = edit(state, "forces", "spring", "via", ((0, at[0]), ""), ((0, at[1]), ""))
-    assert not state.model.forces[0].rides
+    assert not state.model.forces[0]._rides
     state = edit(state, "forces", "spring", "shifts", ((), shift))
     assert [x.body for x in state.model.forces[0].shifts] == ["3"]
 
@@ -342,7 +342,7 @@ def test_a_via_point_gets_another_body_where_it_is(state):
     moved = edit(state, "forces", "spring", "via", ((0, 0), "ground"))
     assert moved.model.forces[0].via[0].body == "ground"
     assert pulls(moved) == pytest.approx(length, rel=1e-12)
-    for index, text, fact in (((0, 0), "nobody", "nobody"), ((0, 9), "1", "no longer")):
+    for index, text, fact in (((0, 0), "nobody", "nobody"), ((0, 99), "1", "no longer")):
         assert fact in reply(edit(state, "forces", "spring", "via", (index, text)))
 
 
@@ -670,12 +670,12 @@ def test_a_point_of_a_path_becomes_an_obstacle_with_an_axis_and_a_side():
     state = typed(((0, 5), "yes"))
     assert state.model.forces[0].via[0].inner
     assert not typed(((0, 5), "")).model.forces[0].via[0].inner
-    state = typed(((0, 6, 0), "0.03"))  # a sphere becomes an ellipsoid with the same axes
+    state = typed(((0, 8, 0), "0.03"))  # a sphere becomes an ellipsoid with the same axes
     found = state.model.forces[0].via[0]
     assert (found.radii, found.radius, found.inner) == ((0.03, 0.03, 0.03), None, False)
     assert labels() == ["Via 1", "Point", "Radius", "Side", "Half axes", "Rotation"]
     assert [b["text"] for b in rows_of(state, "via")[0]["buttons"]] == ["×"]
-    state = typed(((0, 6, 1), "0.02"), ((0, 7, 3), "1"))
+    state = typed(((0, 8, 1), "0.02"), ((0, 9, 3), "1"))
     found = state.model.forces[0].via[0]
     assert (found.radii, found.rotation) == ((0.03, 0.02, 0.03), (1.0, 0.0, 0.0, 1.0))
     R = shapes.to_matrix(state.derived.wxyz)

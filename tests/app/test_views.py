@@ -90,7 +90,7 @@ def test_runs_that_are_compared_say_what_was_changed_between_them():
         "2: mass [kg]": (f"{before:.4g}", "2.5"),
         "s: stiffness [N/m]": ("5", "50"),
     }
-    assert compared(model, model, step=0.01)["step"] == ("0.001 s", "0.01 s")
+    assert compared(model, model, step=0.01)["step"] == ("auto", "0.01 s")
     assert compared(model, model.remove("3"))["s"] == ("spring", "none")
     every = model.edit_all({body.name: {"mass": 9.0, "com": (1, 2, 3)} for body in model.bodies})
     lines = compared(pg.Model.serial(20), pg.Model.serial(20).edit_all(
