@@ -576,7 +576,9 @@ def test_actearly_of_a_muscle_is_named(tmp_path):
 def test_limits_that_a_path_does_not_reach_are_no_loss(tmp_path, kind):
     """The joint under both ends of the path."""
     own = MUSCLE if kind == "muscle" else ""
-    loaded(tmp_path, giving(PULLS.format(kind, own), under=FORCE))
+    model, report = read(tmp_path, giving(PULLS.format(kind, own), under=FORCE))
+    assert report.loaded
+    assert "pull" in [f.name for f in model.forces]
 
 
 def test_a_limit_of_a_joint_is_shared_with_a_path_that_moves_it(tmp_path):
