@@ -29,13 +29,13 @@ if TYPE_CHECKING:
     from .capture.identify import identify_inertia as identify_inertia
     from .capture.moments import Moments as Moments
     from .capture.moments import joint_moments as joint_moments
+    from .capture.reading import read_trial as read_trial
     from .capture.scaling import Scaling as Scaling
     from .capture.scaling import scale as scale
     from .capture.tracking import Tracking as Tracking
     from .capture.tracking import track as track
     from .capture.trial import Plate as Plate
     from .capture.trial import Trial as Trial
-    from .capture.trial import read_trial as read_trial
     from .errors import FileError as FileError
     from .errors import InputError as InputError
     from .errors import ModelError as ModelError

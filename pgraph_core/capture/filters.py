@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, Problem, shown
+from ..errors import refusal, shown
 from ..mechanism import Mechanism
-from .tracking import times
+from .markers import times
 from .trial import Array
 
 DEGREE = 5
@@ -37,13 +37,13 @@ def filtered(t: Array, x: Array, cutoff: float, order: int) -> Sampled:
     """
     if len(t) < LEAST:
         text = f"has {len(t)} frames, and derivatives need {LEAST}; give a longer trial"
-        raise InputError(Problem("joint_moments", "fit", text))
+        raise refusal("joint_moments", "fit", text)
     rate = (len(t) - 1) / float(t[-1] - t[0])
     if np.isinf(cutoff):
         return _derivatives(t, x, t)
     if not 0.0 < cutoff < rate / 2:
         text = f"must be > 0 and below {rate / 2:g} Hz, half the rate of frames, got {cutoff:g}"
-        raise InputError(Problem("joint_moments", "cutoff", text))
+        raise refusal("joint_moments", "cutoff", text)
     even = t[0] + np.arange(len(t)) / rate
     if np.abs(even - t).max() > 1 / (1000 * rate):
         x = _derivatives(t, x, even).x
@@ -113,10 +113,10 @@ def checked(cutoff: float | None, order: int, smooth: bool) -> float:
     """Return the cut-off frequency [Hz]: 6 Hz by default, none of a smoothed motion."""
     if not (isinstance(order, int) and 1 <= order <= 10):
         text = f"must be a whole number from 1 to 10, got {shown(order)}"
-        raise InputError(Problem("joint_moments", "order", text))
+        raise refusal("joint_moments", "order", text)
     if cutoff is None:
         return np.inf if smooth else 6
     if not (isinstance(cutoff, (int, float)) and cutoff > 0):
         text = f"must be a frequency [Hz] > 0, or float('inf') for no filter, got {shown(cutoff)}"
-        raise InputError(Problem("joint_moments", "cutoff", text))
+        raise refusal("joint_moments", "cutoff", text)
     return float(cutoff)

@@ -26,11 +26,11 @@ from ..dynamics.many import (
     regressor,
     torques,
 )
-from ..errors import InputError, Problem, choices, counted, explained, nearest_name
+from ..errors import choices, counted, explained, refusal
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..tolerances import EPS, NAMED, NOTABLE, SOLVED
-from .trial import Array
+from .trial import Array, known
 
 TERMS = 6  # of a combination that are told
 ROUNDS = 50  # steps of one share of the barrier at most
@@ -115,9 +115,7 @@ def identify_inertia(
     loads = None if external is None else finite("external", external, n, mech.nb, 6)
     wanted = list(mech.names if bodies is None else bodies)
     for name in wanted:
-        if name not in mech.names:
-            text = f"there is no body {name!r}; {nearest_name(str(name), mech.names)}"
-            raise InputError(Problem("identify_inertia", "bodies", text))
+        known("identify_inertia", "bodies", "body", name, mech.names)
     free = np.concatenate([np.arange(PARAMETERS) + PARAMETERS * (mech.topology.number(x) - 1)
                            for x in wanted]) if wanted else np.zeros(0, dtype=np.int64)  # fmt: skip
     prior, Y = parameters(mech), regressor(mech, q, v, vdot)
@@ -155,7 +153,7 @@ def _identified(
         freedom = len(b) - len(sizes)
         if freedom <= 0:
             text = f"are {counted(len(b), 'number')}, and show {counted(len(sizes), 'parameter')}; "
-            raise InputError(Problem("identify_inertia", "torque", text + "give more samples"))
+            raise refusal("identify_inertia", "torque", text + "give more samples")
         spread = np.array([np.sqrt(np.mean(missed[row == i] ** 2)) if (row == i).any() else 0.0
                            for i in range(row.max() + 1)])  # fmt: skip
         least = SOLVED * max(float(np.abs(b).max(initial=0.0)), float(spread.max()), SOLVED)

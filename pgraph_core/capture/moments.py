@@ -20,14 +20,15 @@ from ..analysis.mobility import complement, judged
 from ..analysis.rows import Rows
 from ..dynamics.arguments import wrong_type
 from ..dynamics.many import motions, plan, torques
-from ..errors import InputError, Problem, choices, counted, explained, nearest_name, needed, shown
+from ..errors import choices, counted, explained, needed, refusal, shown
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..result.columns import Column, coordinates
 from ..tolerances import NOTABLE, step_of_differences
 from .filters import Sampled, checked, moved, operators
-from .tracking import Progress, Tracking, advanced, tell, to_csv
-from .trial import Array, Plate, Trial
+from .markers import Progress, advanced, tell
+from .tracking import Tracking, to_csv
+from .trial import Array, Plate, Trial, known
 
 WIDE = NormalDist().inv_cdf(0.975)  # standard errors of a 95 % band
 BESIDE = 1  # [Hz] by which the cut-off of the band differs
@@ -87,9 +88,7 @@ class Moments:
     def __getitem__(self, name: str) -> Array:
         """Return a column (n,)."""
         columns = self.columns()
-        if name not in columns:
-            text = f"there is no column {name!r}; {nearest_name(name, columns)}"
-            raise InputError(Problem("moments", "", text))
+        known("moments", "", "column", name, columns)
         return columns[name]
 
     def to_csv(self, path: str | Path | None = None, /) -> str:
@@ -169,10 +168,10 @@ def joint_moments(
     q = fit.q if isinstance(fit, Tracking) else trial.with_up(mech.model.up).positions(mech)
     if q.shape != (len(trial.t), mech.nq):
         text = f"has {q.shape[1]} coordinates, and the model {mech.nq}: is it of this model?"
-        raise InputError(Problem("joint_moments", "fit", text))
+        raise refusal("joint_moments", "fit", text)
     if band and (not isinstance(fit, Tracking) or len(mech.packed.active) or fit.v is not None):
         text = "needs a motion of pg.track that is not smoothed, of a model without closed loops"
-        raise InputError(Problem("joint_moments", "band", f"{text}; give band=False"))
+        raise refusal("joint_moments", "band", f"{text}; give band=False")
     own = fit if isinstance(fit, Tracking) else None
     smooth = own is not None and own.v is not None
     frequency = checked(cutoff, order, smooth)
@@ -192,7 +191,7 @@ def joint_moments(
         sampled, tau = _in_loops(mech, loads, sampled, actuated)
     elif actuated is not None:
         text = "is for closed loops; every joint of a tree has the torque that it needs"
-        raise InputError(Problem("joint_moments", "actuated", text))
+        raise refusal("joint_moments", "actuated", text)
     tell(progress, 1 / 2)
     low = high = None
     if band and own:
@@ -319,22 +318,18 @@ def _borne(
     mech: Mechanism, trial: Trial, q: Array, plates: Any, report: list[str]
 ) -> dict[str, Array]:
     """Return the index of the body that each plate bears in each frame, -1 without load."""
-    known = {p.name: p for p in trial.plates}
+    there = {p.name: p for p in trial.plates}
     given = {} if plates == "auto" else plates
     if not isinstance(given, Mapping):
         text = f"must be 'auto' or a dict such as {{'plate 1': 'foot_r'}}, got {shown(plates)}"
-        raise InputError(Problem("joint_moments", "plates", text))
+        raise refusal("joint_moments", "plates", text)
     for name, body in given.items():
-        if name not in known:
-            text = f"there is no plate {name!r}; {nearest_name(str(name), known)}"
-            raise InputError(Problem("joint_moments", "plates", text))
-        if body not in mech.names:
-            text = f"{body!r} of {name!r} is no body; {nearest_name(str(body), mech.names)}"
-            raise InputError(Problem("joint_moments", "plates", text))
-    if not known:
+        known("joint_moments", "plates", "plate", name, there)
+        known("joint_moments", "plates", f"body of {name!r}", body, mech.names)
+    if not there:
         report.append("no force plates: the root bears all")
     found: dict[str, Array] = {}
-    for name, plate in known.items():
+    for name, plate in there.items():
         if name in given:
             number = mech.topology.number(given[name]) - 1
             found[name] = np.full(len(trial.t), number)
@@ -384,9 +379,7 @@ def _in_loops(
     chosen = np.arange(mech.nv)
     if actuated is not None:
         for name in actuated:
-            if name not in mech.joints:
-                text = f"no joint that moves belongs to {shown(name)}; choose from "
-                raise InputError(Problem("joint_moments", "actuated", text + choices(mech.joints)))
+            known("joint_moments", "actuated", "joint that moves", name, mech.joints)
         spans = [mech.joints[name].v for name in actuated]
         chosen = np.unique(np.concatenate([np.arange(s.start, s.stop) for s in spans]))
     base, states, ways = Rows.of(mech, mech.packed.active, sampled.x[0]), [], []
@@ -405,7 +398,7 @@ def _in_loops(
         if left > NOTABLE * np.abs(free.T @ force[k]).max(initial=0.0):
             text = f"the torques of {choices(actuated or mech.joints, 6)} cannot move the loops at "
             text += f"t = {loads.t[k]:g} s; name more joints"
-            raise InputError(Problem("joint_moments", "actuated", text))
+            raise refusal("joint_moments", "actuated", text)
     return sampled, tau
 
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, Problem, choices, explained, nearest_name, shown
+from ..errors import InputError, Problem, choices, explained, refusal, shown
 from ..fields import GROUND
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..tolerances import NOTABLE
-from .trial import Array, Trial
+from .trial import Array, Trial, known
 
 FRAMES = {"point": "body", "points": "body", "side": "body", "other_point": "other"}
 SHIFTS = {"shifts": "body", "other_shifts": "other"}  # displacements of points, in these axes
@@ -91,28 +91,26 @@ def scale(
     mech = mechanism_of(model, "scale")
     if not isinstance(static, Trial):
         text = f"must be a trial, as of pg.read_trial(path), got {shown(static)}"
-        raise InputError(Problem("scale", "static", text))
+        raise refusal("scale", "static", text)
     if not (mass is None or (isinstance(mass, (int, float)) and 0.0 < mass < np.inf)):
-        raise InputError(Problem("scale", "mass", f"must be > 0 [kg], got {shown(mass)}"))
+        raise refusal("scale", "mass", f"must be > 0 [kg], got {shown(mass)}")
     if not isinstance(pairs, Mapping) or not pairs:
         text = "needs a pair of sites for a body, {'femur': [('RASI', 'RKNE')]}, got "
-        raise InputError(Problem("scale", "pairs", text + shown(pairs)))
+        raise refusal("scale", "pairs", text + shown(pairs))
     factors, told = {name: np.ones(3) for name in mech.names}, {}
     poses = mech.pose(mech.home()[0])
     for body, given in pairs.items():
-        if body not in factors:
-            text = f"there is no body {body!r}; {nearest_name(str(body), mech.names)}"
-            raise InputError(Problem("scale", "pairs", text))
+        known("scale", "pairs", "body", body, factors)
         by_axes = given if isinstance(given, Mapping) else {"xyz": given}
         measured: list[tuple[str, str, float, float]] = []
         for axes, listed in by_axes.items():
             if not axes or set(axes) - set(AXES):
                 text = f"the axes of '{body}' are of x, y and z, such as 'xz', got {shown(axes)}"
-                raise InputError(Problem("scale", "pairs", text))
+                raise refusal("scale", "pairs", text)
             found = [_measured(mech, static, poses, body, pair, markers or {}) for pair in listed]
             if not found:
                 text = f"'{body}' has no pair of sites; give one, or leave the body out"
-                raise InputError(Problem("scale", "pairs", text))
+                raise refusal("scale", "pairs", text)
             ratio = float(np.mean([there / here for _, _, there, here in found]))
             factors[body][[AXES.index(axis) for axis in axes]] = ratio
             measured += found
@@ -135,25 +133,21 @@ def _measured(
     sites = [s.name for s in mech.model.sites]
     if isinstance(pair, str) or not isinstance(pair, Sequence) or len(pair) != 2:
         text = f"a pair of '{body}' is two sites, such as ('RASI', 'RKNE'), got {shown(pair)}"
-        raise InputError(Problem("scale", "pairs", text))
+        raise refusal("scale", "pairs", text)
     places: list[Array] = []
     for name in pair:
         label = labels.get(name, name)
-        if name not in sites:
-            text = f"there is no site {name!r} of '{body}'; {nearest_name(str(name), sites)}"
-            raise InputError(Problem("scale", "pairs", text))
-        if label not in static.markers:
-            text = f"{label!r} is no marker of the trial; {nearest_name(label, static.markers)}"
-            raise InputError(Problem("scale", "pairs", text))
+        known("scale", "pairs", f"site of '{body}'", name, sites)
+        known("scale", "pairs", "marker of the trial", label, static.markers)
         places.append(static.markers[label])
     apart = np.linalg.norm(places[0] - places[1], axis=1)
     if not np.isfinite(apart).any():
         text = f"'{pair[0]}' and '{pair[1]}' are never seen together in the trial"
-        raise InputError(Problem("scale", "pairs", text))
+        raise refusal("scale", "pairs", text)
     here = float(np.linalg.norm(poses[pair[0]].position - poses[pair[1]].position))
     if here == 0.0:
         text = f"'{pair[0]}' and '{pair[1]}' are at the same place in the model"
-        raise InputError(Problem("scale", "pairs", text))
+        raise refusal("scale", "pairs", text)
     return pair[0], pair[1], float(np.nanmedian(apart)), here
 
 

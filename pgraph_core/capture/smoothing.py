@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from ..analysis.rows import apart
-from ..errors import InputError, Problem
+from ..errors import refusal
 from ..tolerances import PROXIMAL, SOLVED
 from .filters import LEAST, moved
-from .tracking import Markers
+from .markers import Markers
 from .trial import Array
 
 PROBES = 32  # random signs for a trace
@@ -29,7 +29,7 @@ def smoothed(problem: Markers, q: Array, smooth: float | bool) -> tuple[Array, A
     t = problem.trial.t
     if len(t) < LEAST:
         text = f"needs a trial of {LEAST} frames or more, got {len(t)}"
-        raise InputError(Problem("track", "smooth", text))
+        raise refusal("track", "smooth", text)
     weight = _chosen(problem, q) if smooth is True else float(smooth)
     for _ in range(STEPS):
         _, g, H, _ = problem.normal(q, np.arange(len(q)))

@@ -4,8 +4,8 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.capture.filters import moved
+from pgraph_core.capture.markers import Markers, advanced
 from pgraph_core.capture.smoothing import _jerk
-from pgraph_core.capture.tracking import Markers, advanced
 from pgraph_core.capture.trial import Trial
 
 from ..refusals import assert_names, refusal
