@@ -199,6 +199,10 @@ class BetweenPoints(AtPoint, Between):
         return bool(self.shifts or self.other_shifts) or any(via.rides for via in self.via)
 
     @property
+    def _fits_one_body(self) -> bool:
+        return bool(self.via) or self._rides
+
+    @property
     def _ridden(self) -> tuple[tuple[str, int], ...]:
         """The (body, index) of each coordinate with which its points ride."""
         return tuple((x.body, x.coordinate) for x in self._riding)

@@ -196,7 +196,7 @@ def _idle_forces(model: Any, by_name: Mapping[str, Body]) -> Iterator[str]:
 
 def _cannot_change(f: Spring | Torsion, by_name: Mapping[str, Body]) -> str:
     """Return why the joint between a spring's ends cannot change its length or angle, or ""."""
-    if f._places or getattr(f, "rides", False):
+    if f._fits_one_body:
         return ""
     body, flipped = by_name[f.body], False
     if body.parent != f.other:

@@ -79,6 +79,19 @@ def test_moment_arms_are_the_slopes_of_the_length(points):
 
 
 @pytest.mark.quick
+@pytest.mark.parametrize("other", ["shank", "thigh"])
+def test_a_shift_alone_lets_a_path_change_its_length(other):
+    """A path within one body, and one from the axis of its joint, of which no part is refused or
+    doubted."""
+    model = leg(other=other, point=(0, 0, 0), other_point=(0.1, 0, -0.4))
+    mech, q = pg.Mechanism(model), np.array([0.3, -0.5])
+    assert not model.doubts
+    slopes = slope_of(lambda step: mech.path_length(q + step))
+    assert abs(slopes[1, 0]) > 1e-3
+    np.testing.assert_allclose(mech.moment_arms(q), -np.transpose(slopes), rtol=0, atol=1e-10)
+
+
+@pytest.mark.quick
 @pytest.mark.parametrize("points", POINTS)
 def test_the_force_is_the_slope_of_the_energy(points):
     mech = pg.Mechanism(leg(*POINTS[points]))
