@@ -15,7 +15,7 @@ from ..forces.obstacles import DRAWN
 from ..model import Rope
 from . import Array
 from .cables import Segment, carrier_of
-from .forces import Placed
+from .placed import Placed
 
 
 class Grip(NamedTuple):

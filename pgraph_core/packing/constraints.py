@@ -28,8 +28,9 @@ from ..topology import Topology
 from ..tracks import Track
 from . import Array, Ints, System, home_of, joint_coordinates, point_in_row, row_of_velocity
 from .cables import Segment, one_length, segments
-from .forces import Placed, terms_of
+from .forces import terms_of
 from .pieces import pieces
+from .placed import Placed
 from .programs import of_coordinate, of_time
 
 GRAIN = EPS**0.5  # grain of a way over its length, which two steps of Newton's method make exact

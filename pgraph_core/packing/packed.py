@@ -25,7 +25,8 @@ from ..stateful import Stateful
 from ..topology import Topology
 from . import Array, Arrays, Drives, Ints, Loads, System, length_in, numbers, quaternions, system
 from .constraints import Blocks, blocks
-from .forces import NO_LOADS, Placed, bends, drives, loads, on_bodies
+from .forces import NO_LOADS, bends, drives, loads, on_bodies
+from .placed import Placed
 from .signals import Places, signals
 
 INT, EMPTY = np.dtype(np.int64), np.empty

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,9 +13,7 @@ from ..engine.riders import NEVER, RIDER, SHIFT
 from ..forces import BetweenPoints, Shift, Within
 from . import Array, joint_coordinates
 from .pieces import pieces
-
-if TYPE_CHECKING:
-    from .forces import Placed
+from .placed import Placed
 
 NO_RIDERS = rows_of(RIDER, []), rows_of(SHIFT, []), np.zeros((0, at.KNOT)), np.zeros((0, 1))
 
@@ -84,12 +82,8 @@ class Riders:
             self.shifts.append((q, v, len(self.curves), len(rows), home @ np.array(shift.along)))
             self.curves += rows
         gate, gate_v, low, high, other = -1, -1, 0.0, 0.0, point if away is None else away
-        if point.when is not None:
-            (gate_v, gate), low, high = (
-                self._coordinate(point.when),
-                point.when.low,
-                point.when.high,
-            )
+        if (when := point.when) is not None:
+            (gate_v, gate), low, high = self._coordinate(when), when.low, when.high
         row = self.end
         self.rows.append((
             row, point.row, point.body, first, len(point.shifts), gate, gate_v, other.row,

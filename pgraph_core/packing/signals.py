@@ -20,7 +20,7 @@ from ..engine.stepping.measured import (
     TENSION,
 )
 from ..errors import ModelError, Problem, choices
-from ..forces import LOADS, BetweenPoints, Cable, LinearActuator, OnBody, OnJoint, Strut
+from ..forces import LOADS, STRUTS, BetweenPoints, Cable, OnBody, OnJoint, Strut
 from ..model import Contact, Force, Model, Rope
 from ..model.expressions import TENSE
 from ..pulleys import segment_names
@@ -167,74 +167,97 @@ def signals(
     controls = {c.name: acting.get(c.name, c) for c in model.stateful}
     known = (*known_forces(model), *named, *forces)
     program = Program(model.parameters, places, controls, known, holds=True)
-    targets = list[tuple[int, ...]]()
-    rows = iter(drives.table[drives.passive :])
-    tables = {  # tables of the loads that may vary, with one row for each
-        part: table
-        for table in ((kind, 1 + n, iter(loads[n][0])) for n, kind in enumerate(LOADS))
-        for part in table[0].parts
-        if any(other.VARIES for other in table[0].parts)
-    }
-    owner, knots_of = 0, dict[str, tuple[int, int]]()
-    for f in forces:
-        found = list[tuple[int, ...]]()
-        if isinstance(f, OnBody) and type(f) in tables:
-            _, kind, table = tables[type(f)]
-            row, given = next(table), ()
-            if isinstance(f, Stateful):
-                knots_of[f.name] = kind, int(row["first_knot"])
-            if f._varies:
-                given = places.of_load(program, f, row)
-            found = [(x, kind, *where) for x, *where in given]
-        elif isinstance(f, OnJoint):
-            row, given = next(rows), zip(program.of_drive(f) if f._varies else (), KNOTS)
-            found = [(x, DRIVE, *row[[*at]].tolist(), 1) for x, at in given if x is not None]
-        if f._varies:
-            targets += [(*x, owner, 0) for x in found]
-            owner += 1
+    rows = rows_of_loads(forces, loads)
+    targets = [*_targets(program, places, forces, drives, rows)]
+    owner = sum(f._varies for f in forces)
     for k, c in enumerate(rubbing, start=owner):
         targets.append((program.value(str(c.friction)), LAW, model.contacts.index(c), 0, 0, k, 0))
+    states = _states(program, model, controls, forces, rows)
+    for text in watched:
+        program.watch(parsed(text))
+    if bent:
+        _watch_bends(program, model, forces, drives, loads)
+        targets += _gates(program, loads, forces, owner + len(rubbing))
+    if touching:
+        program.watch_touches()
+    owners = np.array(targets, np.int64).reshape(-1, TARGETS)
+    return program.code(), owners, np.array(states, np.int64).reshape(-1, STATES)
+
+
+def rows_of_loads(forces: Sequence[Force], loads: Loads) -> dict[int, tuple[int, Any]]:
+    """Return (number of its table, from 1, and its row) for each load of a kind that may vary, by
+    its place among the forces. Such kinds have one row for each load."""
+    found = dict[int, tuple[int, Any]]()
+    for n, kind in enumerate(LOADS):
+        if any(other.VARIES for other in kind.parts):
+            ours = (i for i, f in enumerate(forces) if type(f) in kind.parts)
+            found |= {i: (1 + n, row) for i, row in zip(ours, loads[n][0])}
+    return found
+
+
+def _targets(
+    program: Program, places: Places, forces: Sequence[Force], drives: Drives,
+    rows: Mapping[int, tuple[int, Any]],
+) -> Iterator[tuple[int, ...]]:  # fmt: skip
+    """Yield the targets of all numbers that vary in forces."""
+    owner, of_drives = 0, iter(drives.table[drives.passive :])
+    for i, f in enumerate(forces):
+        found = list[tuple[int, ...]]()
+        row = next(of_drives) if isinstance(f, OnJoint) else None
+        if not f._varies:
+            continue
+        if isinstance(f, OnBody) and i in rows:
+            kind, load = rows[i]
+            found = [(x, kind, *where) for x, *where in places.of_load(program, f, load)]
+        elif isinstance(f, OnJoint) and row is not None:
+            given = zip(program.of_drive(f), KNOTS)
+            found = [(x, DRIVE, *row[[*at]].tolist(), 1) for x, at in given if x is not None]
+        yield from ((*x, owner, 0) for x in found)
+        owner += 1
+
+
+def _states(
+    program: Program, model: Model, controls: Mapping[str, Stateful], forces: Sequence[Force],
+    rows: Mapping[int, tuple[int, Any]],
+) -> list[tuple[int, ...]]:  # fmt: skip
+    """Return the rows of all states of controls and muscles, of those that act in a run."""
     numbers = {name: i for i, name in enumerate(controls)}
-    states = list[tuple[int, ...]]()
+    knots = {
+        forces[i].name: (kind, int(row["first_knot"])) for i, (kind, row) in rows.items()
+        if isinstance(forces[i], Stateful)
+    }  # fmt: skip
     owns = {c.name: controls[c.name].own for c in model.stateful if controls[c.name] is not c}
+    found = list[tuple[int, ...]]()
     for c, k, own in model.states:
         own = owns[c.name][k] if c.name in owns else own
         sample = program.sampling(c) if own.sample else -1
         change = -1 if own.change is None else program.of(own.change)
-        column = own.column or 0
-        place = 0, 0
-        if own.column is not None:
-            place = knots_of.get(c.name, place)
+        place = (0, 0) if own.column is None else knots.get(c.name, (0, 0))
         given = -1 if own.given is None else program.of(own.given)
-        states.append(
-            (change, sample, program.of(own.start), numbers[c.name], 0, *place, column, given)
-        )
-    owners, own = (
-        np.array(x, np.int64).reshape(-1, n) for x, n in ((targets, TARGETS), (states, STATES))
-    )
-    for text in watched:
-        program.watch(parsed(text))
-    if bent:
-        for n, f in enumerate((f for f in forces if isinstance(f, OnJoint)), drives.passive):
-            if f._bends:
-                program.watch_drive(f, n)
-        for n, f in enumerate(f for f in forces if isinstance(f, (Strut, LinearActuator))):
-            if isinstance(f, Strut) and f._bends:
-                program.watch_strut(f, n, int(loads.strut[0]["first_knot"][n]))
-        for n, one in enumerate(loads.cable[0]):
-            program.watch_cable(n, one)
-        for c in model.bending:
-            program.watch_relation(c)
-        for body in model.cornered:
-            program.watch_track(body)
-        for f in forces:
-            if isinstance(f, BetweenPoints):
-                program.watch_shifts(f)
-        gates = _gates(program, loads, forces, owner + len(rubbing))
-        owners = np.array([*owners.tolist(), *gates], np.int64).reshape(-1, TARGETS)
-    if touching:
-        program.watch_touches()
-    return program.code(), owners, own
+        start = program.of(own.start)
+        found.append((change, sample, start, numbers[c.name], 0, *place, own.column or 0, given))
+    return found
+
+
+def _watch_bends(
+    program: Program, model: Model, forces: Sequence[Force], drives: Drives, loads: Loads
+) -> None:
+    """Let steps end at bounds and bends of forces, and of functions of coordinates."""
+    for n, f in enumerate((f for f in forces if isinstance(f, OnJoint)), drives.passive):
+        if f._bends:
+            program.watch_drive(f, n)
+    for n, f in enumerate(f for f in forces if type(f) in STRUTS.parts):
+        if isinstance(f, Strut) and f._bends:
+            program.watch_strut(f, n, int(loads.strut[0]["first_knot"][n]))
+    for n, one in enumerate(loads.cable[0]):
+        program.watch_cable(n, one)
+    for c in model.bending:
+        program.watch_relation(c)
+    for body in model.cornered:
+        program.watch_track(body)
+    for f in forces:
+        if isinstance(f, BetweenPoints):
+            program.watch_shifts(f)
 
 
 def gated(forces: Sequence[Force]) -> tuple[BetweenPoints, ...]:
@@ -251,16 +274,8 @@ def _gates(
     The number of the first one among `gated` forces as an owner is `first`.
     """
     own = gated(forces)
-    owners = iter(
-        [
-            first + own.index(f)
-            for kind in LOADS
-            for f in own
-            if type(f) in kind.parts
-            for via in f.via
-            if via.when is not None
-        ]
-    )  # in the order of their rows
+    in_order = (f for kind in LOADS for f in own if type(f) in kind.parts)  # as their rows
+    owners = (first + own.index(f) for f in in_order for via in f.via if via.when is not None)
     for n, one in enumerate(loads.riders[0]):
         if one["gate"] >= 0:
             x = program.put(kernels.Q, one["gate"], one["gate_v"])
