@@ -10,6 +10,7 @@ it here. Signs and angles are in docs/description.md.
 from .base import VIA as VIA
 from .base import Between as Between
 from .base import Driven as Driven
+from .base import DrivenByKnots as DrivenByKnots
 from .base import Force as Force
 from .base import Load as Load
 from .base import OnBody as OnBody

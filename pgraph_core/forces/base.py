@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol
 
@@ -159,6 +160,22 @@ def refuse_crossed_ends(f: Force) -> None:
     low, high = ends_of(f)
     if low is not None and high is not None and low > high:
         refuse([("low", f"must be at most high, {shown(high)}, got {shown(low)}")])
+
+
+class DrivenByKnots(Driven):
+    """A force on bodies whose input is in its knots while it is a constant."""
+
+    @abstractmethod
+    def put_input(self, knots: Array, u: float) -> None:
+        """Write an input into its knots."""
+
+    @abstractmethod
+    def input_in(self, knots: Array) -> float:
+        """Return the input in its knots."""
+
+    @abstractmethod
+    def slope_of_input(self, u: float) -> float:
+        """Return the rate of change of the second number of its first knot with the input."""
 
 
 class Places(Protocol):

@@ -14,14 +14,14 @@ from ..errors import shown
 from ..fields import Expression, Number, field, refuse
 from ..signals.grammar import filled
 from ..units import NONE, M, N, S
-from .base import KIND, Array, Driven, InKnots, Places, held, over_time, tree_of
+from .base import KIND, Array, DrivenByKnots, InKnots, Places, held, over_time, tree_of
 from .path import BetweenPoints, pack_points
 from .strut import PULL, STOP
 
 GIVEN = 0  # column of the knot after it, of which no kernel reads this one, that has the input
 
 
-class LinearActuator(BetweenPoints, Driven):
+class LinearActuator(BetweenPoints, DrivenByKnots):
     """An actuator that pushes the ends of a path apart by `bias` + gain x input - kp l - kd l'.
 
     l is the length of the path [m]. A negative force pulls. With kp = gain, the input is the length
@@ -116,6 +116,19 @@ class LinearActuator(BetweenPoints, Driven):
         least, most = self.forces
         return min(max(self.bias + self.gain * u, least), most)
 
+    def put_input(self, knots: Array, u: float) -> None:
+        """Write an input and its pull into the knots."""
+        knots[0, PULL], knots[1, GIVEN] = -self.force_at(u), u
+
+    def input_in(self, knots: Array) -> float:
+        """Return the input in the knots."""
+        return float(knots[1, GIVEN])
+
+    def slope_of_input(self, u: float) -> float:
+        """Return the rate of change of the pull with the input, 0 at its bounds."""
+        least, most = self.forces
+        return -self.gain if least < self.bias + self.gain * u < most else 0.0
+
 
 def pack(f: LinearActuator, one: Any, at: Places) -> Array:
     """Write the points, and return the knots of a strut with the pull of the input."""
@@ -124,10 +137,5 @@ def pack(f: LinearActuator, one: Any, at: Places) -> Array:
     one["spring"], one["damper"] = (0.0, 0.0, f.kp), (0.0, 0.0, f.kd)
     knots = np.array([[0.0, 0.0, 0.0, 0.0], *[[0.0, 0.0, 0.0, np.inf]] * STOP])
     if isinstance(f.input, float):
-        write_input(f, knots, f.input)
+        f.put_input(knots, f.input)
     return knots
-
-
-def write_input(f: LinearActuator, knots: Array, u: float) -> None:
-    """Write an input and its pull into the knots of an actuator."""
-    knots[0, PULL], knots[1, GIVEN] = -f.force_at(u), u

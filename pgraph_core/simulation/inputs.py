@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 from ..dynamics.arguments import finite
 from ..engine.signals import NUMBER_AT
 from ..errors import InputError, Problem, one_of, shown
-from ..forces import Driven, LinearActuator, OnJoint, Strut
-from ..forces.linear_actuator import GIVEN, write_input
+from ..forces import Driven, DrivenByKnots, OnJoint
 from ..model import Force, Servo, Table
 from ..packing import Array, Drives, Loads
 from ..packing.forces import AT_ONCE, FOLLOWS, Follows, followed
+from ..packing.signals import rows_of_loads
 from .options import first_of
 
 KNOTS = ("first_target", "targets", "first_torque", "torques")  # fields that locate inputs
@@ -47,26 +47,25 @@ class Input(NamedTuple):
         return "drives", self.knot, self.slope
 
 
-class InputOfPath(NamedTuple):
-    """The input u of an actuator along a path, whose knot has its pull within the bounds."""
+class InputInKnots(NamedTuple):
+    """The input u of a force on bodies, in the knots of a table from one of them on."""
 
-    force: LinearActuator
+    force: DrivenByKnots
+    table: str
     knots: Array
     knot: int
 
     @property
     def u(self) -> float:
-        return float(self.knots[self.knot + 1, GIVEN])
+        return self.force.input_in(self.knots[self.knot :])
 
     def put(self, u: float, t: float) -> None:
         """Set the input to u."""
-        write_input(self.force, self.knots[self.knot :], u)
+        self.force.put_input(self.knots[self.knot :], u)
 
     def acts(self) -> tuple[str, int, float]:
         """Return (table, knot, its rate of change with the input)."""
-        least, most = self.force.forces
-        inside = least < self.force.bias + self.force.gain * self.u < most
-        return "strut", self.knot, -self.force.gain if inside else 0.0
+        return self.table, self.knot, self.force.slope_of_input(self.u)
 
 
 class InputOfStates(NamedTuple):
@@ -100,7 +99,7 @@ class Inputs:
     def __init__(self, forces: Sequence[Force], drives: Drives, loads: Loads, read: Container[str]):
         self._drives = drives.knots
         self.servos: dict[str, int] = {}  # the knot of each target
-        self.known: dict[str, Input | InputOfPath | InputOfStates] = {}
+        self.known: dict[str, Input | InputInKnots | InputOfStates] = {}
         driving = [f for f in forces if isinstance(f, OnJoint)]
         rows = drives.table[[*KNOTS, *FOLLOWS]][drives.passive :].tolist()
         for f, (first_target, targets, first_torque, torques, *follows) in zip(driving, rows):
@@ -116,11 +115,11 @@ class Inputs:
                 start: Any = 0.0 if f.integrates else torque
                 place = f, drives.knots, first_torque, start, gain
                 self.known[f.name] = Input(*place, tuple(follows))
-        table, knots, _ = loads.strut
-        struts = (f for f in forces if isinstance(f, (Strut, LinearActuator)))
-        for f, one in zip(struts, table):
-            if isinstance(f, LinearActuator) and not f._varies:
-                self.known[f.name] = InputOfPath(f, knots, int(one["first_knot"]))
+        for i, (n, row) in rows_of_loads(forces, loads).items():
+            f = forces[i]
+            if isinstance(f, DrivenByKnots) and not f._varies:
+                at = Loads._fields[n - 1], loads[n - 1][1], int(row["first_knot"])
+                self.known[f.name] = InputInKnots(f, *at)
 
     def add_of_states(self, forces: Sequence[Force], code: Array, rows: Mapping[str, int]) -> None:
         """Add the parts with states whose input is a number in these rows of the program."""

@@ -87,15 +87,19 @@ def _acting(scene: Scene, one: int | ByInput | None = None) -> Array:
 
     It is zero if `one` is None.
     """
-    none, own, (table, pulls, vias) = np.zeros(len(scene.given)), scene.drives, scene.loads.strut
-    knots = {"drives": own.knots.copy(), "strut": pulls.copy()}
-    ends = []
+    none, ends = np.zeros(len(scene.given)), []
     for share in (0.0, 1.0):
-        given = none if one is None or isinstance(one, tuple) else share * np.eye(len(none))[one]
+        given, drives, loads = none, scene.drives, scene.loads
         if isinstance(one, tuple):
             of, knot, slope = one
-            knots[of][knot, 1] = share * slope
-        drives = own._replace(knots=knots["drives"])
-        loads = scene.loads._replace(strut=(table, knots["strut"], vias))
+            table, knots, *others = (*drives,) if of == "drives" else getattr(loads, of)
+            knots = knots.copy()
+            knots[knot, 1] = share * slope
+            if of == "drives":
+                drives = drives._replace(knots=knots)
+            else:
+                loads = loads._replace(**{of: (table, knots, *others)})
+        elif one is not None:
+            given = share * np.eye(len(none))[one]
         ends.append(flat(SCENE_OF_DUALS, scene._replace(given=given, drives=drives, loads=loads)))
     return slope_of(ends, (0.0, 1.0))
