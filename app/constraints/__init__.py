@@ -14,7 +14,6 @@ from typing import Annotated, Any, Literal, Self, Union, get_args, get_origin
 import pgraph_core as pg
 from pgraph_core import fields
 from pgraph_core.fields import About
-from pgraph_core.forces import OnJoint
 from pgraph_core.model.editing import CUT
 from pgraph_core.model.output import OF_JOINT, READINGS
 from pgraph_core.units import UNITS
@@ -172,8 +171,7 @@ def own_fields(item: Any) -> tuple[str, ...]:
         return tuple(n for n in names if n != "coordinate" or item.kind in OF_JOINT)
     if "through" in names:  # the first moving body follows from the stations
         return tuple(n for n in names if n != "body")
-    if isinstance(item, pg.Muscle):
-        first = ("kind", "body", "other", *OF_MUSCLES)
+    if first := first_fields(item):
         names = [*first, *(name for name in names if name not in first)]
     sums = isinstance(item, (pg.Velocity, pg.Coupling, pg.Tendon))
     return tuple(n for n in names if n != "body" or not sums)
@@ -188,17 +186,20 @@ def of_path(item: Any) -> tuple[str, ...]:
     return "point", "shifts", *item.PLACES, "other_point", "other_shifts"
 
 
-OF_MUSCLES = ("excitation", "f_max", "l_opt", "l_slack", "pennation", "model", "tendon")
+def first_fields(item: Any) -> tuple[str, ...]:
+    """Return the fields that a form of a force shows first, or none if it shows all in order."""
+    first = item.FIRST if isinstance(item, pg.Force) else ()
+    fields = type(item).model_fields
+    return tuple(n for n in ("kind", "body", "other", *first) if n in fields) if first else ()
+
+
 SELDOM = {"windup", "tracking", "start", "sample"}  # fields of controllers
 
 
 def rare(item: Any, name: str) -> bool:
     """Check whether a field is at its default and seldom needed, so that a form lists it last."""
-    if isinstance(item, OnJoint):
-        seldom = {*OnJoint.model_fields} - {"kind", "body", "coordinate", item.INPUT}
-    elif isinstance(item, pg.Muscle):
-        path = of_path(item)
-        seldom = {*own_fields(item)} - {"kind", "body", "other", *OF_MUSCLES, *path}
+    if first := first_fields(item):
+        seldom = {*own_fields(item)} - {*first, *of_path(item)}
     else:
         seldom = SELDOM if isinstance(item, pg.Control) else set()
     return name in seldom and getattr(item, name) == type(item).model_fields[name].default

@@ -280,7 +280,7 @@ def _typed(
             return {**data, field[:-5]: curves.over(getattr(item, field[:-5]), text)}
         case "torque" | "force" if not index and getattr(item, "kind", "") == "wrench":
             return {**data, field: curves.table_of(text, 3)}
-        case "shape" if isinstance(item, pg.Muscle):
+        case "shape":
             return {**data, field: shape_of(text)}
         case "torque" | "target" | "speed" | "input" | "excitation" if not index:
             if is_expression(text):

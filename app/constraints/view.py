@@ -321,7 +321,7 @@ def _field(
                           help=f"{shows.help}: {riding.SAYS}")]  # fmt: skip
         case _ if name in getattr(item, "PLACES", ()):
             return _path(model, item, name, cells, display, at)
-        case "shape" if isinstance(item, pg.Muscle):
+        case "shape":
             usual = "; ".join(f"{key} {x:g}" for key, x in item.kind_of.shape.items())
             text = "; ".join(f"{key} {x:g}" for key, x in item.shape.items())
             shows = about(item, name)

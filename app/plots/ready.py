@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.forces import Activated
 from pgraph_core.pulleys import without_segment
 
 from . import KINDS, MANY, OF_JOINTS, POSES, SCENE, Signal, paths
@@ -33,7 +34,7 @@ def ready(run: pg.Result, selected: Sequence[str]) -> list[Ready]:
     parts = (*model.constraints, *model.contacts, *model.forces)
     meant = {part.name for part in parts if not selected or {"*", *names} & {*part.touches}}
     strung = {part.name for part in parts if isinstance(part, pg.Cable | pg.Rope)}
-    muscles = [f.name for f in model.forces if isinstance(f, pg.Muscle) and f.name in meant]
+    muscles = [f.name for f in model.forces if isinstance(f, Activated) and f.name in meant]
     turning = of_bodies(run, "angular_acceleration", names)
     found = (
         Ready("Positions", of_bodies(run, "q", moving)),

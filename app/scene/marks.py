@@ -12,7 +12,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.fields import GROUND
-from pgraph_core.forces import BetweenPoints, at_state, lines_of
+from pgraph_core.forces import Activated, BetweenPoints, at_state, lines_of
 from pgraph_core.forces.obstacles import obstacle_of, turned_by
 from pgraph_core.packing.cable_lines import Lying, cable_lines, cables_of
 from pgraph_core.result.bodies import body_poses
@@ -305,12 +305,13 @@ def activations(state: State) -> dict[str, float]:
     An excitation that varies counts as none.
     """
     if state.run is None:
-        muscles = (f for f in state.model.forces if isinstance(f, pg.Muscle))
-        return {f.name: f.excitation if isinstance(f.excitation, float) else 0.0 for f in muscles}
+        muscles = [f for f in state.model.forces if isinstance(f, Activated)]
+        given = {f.name: getattr(f, f.INPUT) for f in muscles}
+        return {name: u if isinstance(u, float) else 0.0 for name, u in given.items()}
     result = state.run.result
     frame = min(int(np.searchsorted(result.t, state.playback.time)), len(result.t) - 1)
     own = zip(result.model.states, result.states[frame].tolist())
-    return {f.name: a for (f, k, _), a in own if isinstance(f, pg.Muscle) and k == 0}
+    return {f.name: a for (f, k, _), a in own if isinstance(f, Activated) and k == 0}
 
 
 def forces_of(state: State) -> tuple[pg.Force, ...]:
@@ -330,7 +331,7 @@ def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> dict[str, Jo
         kind: [] for kind in ("springs", "rods", "muscles", "beads", "balls", "drums")
     }
     excited, active = activations(state), list[float]()
-    strongest = max((f.f_max for f in forces_of(state) if isinstance(f, pg.Muscle)), default=1.0)
+    strongest = max((f.strength for f in forces_of(state) if isinstance(f, Activated)), default=1.0)
     vias: dict[tuple[Any, ...], tuple[pg.Via, Part | None]] = {}
     wheels: dict[tuple[Any, ...], np.ndarray] = {}  # (body, centre, radius): axis
     at, turn = _places(number, positions, R)
@@ -347,8 +348,8 @@ def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> dict[str, Jo
         of = ("forces", f.name) if id(f) in own else None
         f = at_state(f, model.body(f.body), shown_coordinate(state))
         for line, bent in lines_of(f, model.body(f.body), at, turn):
-            if isinstance(f, pg.Muscle):
-                wide = MUSCLE * grain * (1.0 + 2.0 * math.sqrt(f.f_max / strongest))
+            if isinstance(f, Activated):
+                wide = MUSCLE * grain * (1.0 + 2.0 * math.sqrt(f.strength / strongest))
                 active += lead("muscles", line, wide, of) * [excited.get(f.name, 0.0)]
             elif bent:
                 lead("rods", line, ROD * grain, of)

@@ -11,8 +11,7 @@ from scipy.optimize import lsq_linear, minimize
 
 from ..dynamics import Dynamics
 from ..errors import InputError, Problem, choices, counted, explained, nearest_name, shown
-from ..forces import Muscle
-from ..forces.muscle import tension_with_rigid_tendon
+from ..forces import Activated
 from ..packing import Array
 from ..tolerances import NOTABLE, ROUNDING, SOLVED, step_of_differences
 
@@ -37,7 +36,7 @@ def activations(mech: Dynamics, torques: Mapping[str, float], q: Array, v: Array
     All tendons are rigid here, as usual for static optimisation. Raises InputError.
     """
     places = _places(mech, torques)
-    muscles = [f for f in mech.model.forces if isinstance(f, Muscle)]
+    muscles = [f for f in mech.model.forces if isinstance(f, Activated)]
     if not muscles:
         raise InputError(Problem("activations", "", "the model has no muscle; add a pg.Muscle"))
     rows = [mech.path_names.index(f.name) for f in muscles]
@@ -49,13 +48,13 @@ def activations(mech: Dynamics, torques: Mapping[str, float], q: Array, v: Array
 
     def tensions(a: Array) -> Array:
         given = zip(muscles, a.tolist(), lengths.tolist(), rates.tolist())
-        return np.array([tension_with_rigid_tendon(*x) for x in given])
+        return np.array([f.tension_with_rigid_tendon(*x) for f, *x in given])
 
     def slopes(a: Array) -> Array:
         inner = np.clip(a, least + STEP, 1.0 - STEP)
         return (tensions(inner + STEP) - tensions(inner - STEP)) / (2.0 * STEP)
 
-    least = np.array([f.of_model("weakest") for f in muscles])
+    least = np.array([f.least for f in muscles])
     size = np.abs(arms.T) @ tensions(np.ones(len(muscles))) + np.abs(wanted)
     acted = size > 0.0  # no muscle acts on others, which get the torque 0 that they ask for
     miss = lambda a: ((arms.T @ tensions(a) - wanted) / (size + ~acted))[acted]  # noqa: E731

@@ -9,6 +9,7 @@ it here. Signs and angles are in docs/description.md.
 # in the order in which kinds are listed; the first one stands for no known kind
 from .base import VIA as VIA
 from .base import Between as Between
+from .base import Activated as Activated
 from .base import Driven as Driven
 from .base import DrivenByKnots as DrivenByKnots
 from .base import Force as Force

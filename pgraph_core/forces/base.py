@@ -33,6 +33,7 @@ from ..fields import (
 from ..signals import Node, parsed
 from ..signals.grammar import filled
 from ..signals.meaning import TIME
+from ..stateful import Stateful
 from .obstacles import OBSTACLE
 
 KIND = "the name of a kind of force"
@@ -56,6 +57,9 @@ class Force(OfKinds):
     VARIES: ClassVar[tuple[str, ...]] = ()  # fields that take expressions
     VARIES_SINCE: ClassVar[int] = 6  # schema version of files in which they do
     ANY_UNIT: ClassVar[tuple[str, ...]] = ()  # fields of any unit, since another one is a gain
+    FIRST: ClassVar[
+        tuple[str, ...]
+    ] = ()  # first fields of a form, which hides others at their defaults
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}
     WORD: ClassVar[str] = "force"
     NOTHING: ClassVar[Mapping[str, Any]] = {
@@ -176,6 +180,24 @@ class DrivenByKnots(Driven):
     @abstractmethod
     def slope_of_input(self, u: float) -> float:
         """Return the rate of change of the second number of its first knot with the input."""
+
+
+class Activated(Stateful, Driven):
+    """A force along a path that pulls by its activation, which is its first state."""
+
+    @property
+    @abstractmethod
+    def strength(self) -> float:
+        """The largest isometric force [N]."""
+
+    @property
+    @abstractmethod
+    def least(self) -> float:
+        """The smallest activation. The largest one is 1."""
+
+    @abstractmethod
+    def tension_with_rigid_tendon(self, activation: float, length: float, rate: float) -> float:
+        """Return the tension [N] along a path with this length and its rate [m, m/s]."""
 
 
 class Places(Protocol):

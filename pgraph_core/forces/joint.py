@@ -23,6 +23,7 @@ class OnJoint(Driven, OfSums):
     """
 
     INPUT: ClassVar[str] = "torque"  # the field that is the input
+    FIRST: ClassVar[tuple[str, ...]] = ("coordinate", INPUT)
     VARIES: ClassVar[tuple[str, ...]] = ("torque",)
 
     coordinate: Whole = field(
@@ -226,6 +227,7 @@ class Servo(OnJoint):
 
     ABOUT: ClassVar[str] = "holds or drives a joint at a target: kp, kd"
     INPUT: ClassVar[str] = "target"
+    FIRST: ClassVar[tuple[str, ...]] = ("coordinate", "kp", "kd", INPUT)
     VARIES: ClassVar[tuple[str, ...]] = ("torque", INPUT)
 
     @classmethod
@@ -262,6 +264,7 @@ class SpeedServo(OnJoint):
 
     ABOUT: ClassVar[str] = "drives a joint at a speed: kd"
     INPUT: ClassVar[str] = "speed"
+    FIRST: ClassVar[tuple[str, ...]] = ("coordinate", "kd", INPUT)
     VARIES: ClassVar[tuple[str, ...]] = ("torque", INPUT)
     SINCE: ClassVar[int] = 3
     NEW: ClassVar[dict[str, Any]] = {"kd": 1.0}
@@ -296,6 +299,7 @@ class Actuator(OnJoint):
 
     ABOUT: ClassVar[str] = "torque + gain × input - kp q - kd v on a joint"
     INPUT: ClassVar[str] = "input"
+    FIRST: ClassVar[tuple[str, ...]] = ("coordinate", INPUT, "gain", "kp", "kd")
     VARIES: ClassVar[tuple[str, ...]] = ("torque", INPUT)
     SINCE: ClassVar[int] = 3
     ANY_UNIT: ClassVar[tuple[str, ...]] = ("input",)

@@ -17,9 +17,9 @@ from ..fields import EMPTY, Expression, Number, field, fixed, listed, refuse
 from ..muscles import MODELS, TENDON, VELOCITY, MuscleModel
 from ..signals import Node
 from ..signals.grammar import filled
-from ..stateful import Own, Quantity, Stateful
-from ..units import NONE, RAD, M, N, S
-from .base import KIND, Array, Driven, InKnots, Load, Places, over_time, tree_of
+from ..stateful import Own, Quantity
+from ..units import NONE, RAD, Dim, M, N, S
+from .base import KIND, Activated, Array, InKnots, Load, Places, over_time, tree_of
 from .hill import (
     ACTIVATION,
     COLUMNS,
@@ -35,11 +35,17 @@ from .path import BetweenPoints, on_path, pack_points
 STEEPEST = math.acos(0.1)  # rad: pennation at the shortest fibre, as in OpenSim
 
 
+def of_model(accepted: str, help: str, dim: Dim, **bounds: float) -> Any:
+    """Declare a number that the model of a muscle has, too."""
+    text = f"{help}; default: of the model"
+    return field(f"{accepted}, or None", default=None, dim=dim, help=text, **bounds)
+
+
 Shape = Annotated[dict[str, Number], AfterValidator(fixed)]
 shaped: Callable[[Mapping[str, float]], Shape] = listed
 
 
-class Muscle(Stateful, BetweenPoints, Driven):
+class Muscle(BetweenPoints, Activated):
     """A muscle of Hill's type along a path, with the dynamics of its activation.
 
     Its activation follows the `excitation` and is `x.NAME` in expressions. A muscle with an elastic
@@ -56,6 +62,9 @@ class Muscle(Stateful, BetweenPoints, Driven):
     ABOUT: ClassVar[str] = "a muscle that pulls along a path, by its excitation"
     PASSIVE: ClassVar[bool] = False
     INPUT: ClassVar[str] = "excitation"
+    FIRST: ClassVar[tuple[str, ...]] = (
+        INPUT, "f_max", "l_opt", "l_slack", "pennation", "model", "tendon",
+    )  # fmt: skip
     VARIES: ClassVar[tuple[str, ...]] = (INPUT,)
     SCALES: ClassVar[tuple[str, ...]] = ("f_max",)
     SINCE: ClassVar[int] = 9
@@ -88,26 +97,17 @@ class Muscle(Stateful, BetweenPoints, Driven):
         "a number from 0 to 1, or None", default=None, ge=0, le=1, dim=NONE,
         help="initial activation; default: the initial excitation",
     )  # fmt: skip
-    rise: Number | None = field(
-        "a time > 0 [s], or None", default=None, gt=0, dim=S,
-        help="time constant of activation; default: of the model",
-    )  # fmt: skip
-    fall: Number | None = field(
-        "a time > 0 [s], or None", default=None, gt=0, dim=S,
-        help="time constant of deactivation; default: of the model",
-    )  # fmt: skip
-    fastest: Number | None = field(
-        "a number > 0 [1/s], or None", default=None, gt=0, dim=NONE / S,
-        help="largest speed of shortening in optimal lengths; default: of the model",
-    )  # fmt: skip
-    damping: Number | None = field(
-        "a number >= 0, or None", default=None, ge=0, dim=NONE,
-        help="damping of the fibre over f_max and its largest speed; default: of the model",
-    )  # fmt: skip
-    weakest: Number | None = field(
-        "a number from 0 to 1, or None", default=None, ge=0, le=1, dim=NONE,
-        help="smallest activation; default: of the model",
-    )  # fmt: skip
+    rise: Number | None = of_model("a time > 0 [s]", "time constant of activation", S, gt=0)
+    fall: Number | None = of_model("a time > 0 [s]", "time constant of deactivation", S, gt=0)
+    fastest: Number | None = of_model(
+        "a number > 0 [1/s]", "largest speed of shortening in optimal lengths", NONE / S, gt=0
+    )
+    damping: Number | None = of_model(
+        "a number >= 0", "damping of the fibre over f_max and its largest speed", NONE, ge=0
+    )
+    weakest: Number | None = of_model(
+        "a number from 0 to 1", "smallest activation", NONE, ge=0, le=1
+    )
     shape: Shape = field(
         "names of numbers of the model's curves with numbers",
         converter=shaped, default=EMPTY, dim=NONE, help="further numbers of the model's curves",
@@ -189,6 +189,22 @@ class Muscle(Stateful, BetweenPoints, Driven):
         """The minimum and maximum of the excitation."""
         return 0.0, 1.0
 
+    @property
+    def strength(self) -> float:
+        """The largest isometric force [N]."""
+        return self.f_max
+
+    @property
+    def least(self) -> float:
+        """The smallest activation."""
+        return self.of_model("weakest")
+
+    def tension_with_rigid_tendon(self, activation: float, length: float, rate: float) -> float:
+        """Return the tension [N] along a path with this length and its rate [m, m/s]."""
+        one = np.zeros(1, ROW)
+        knots = write_numbers(self, one[0])
+        return float(tension_of_rigid(one, knots, activation, length, rate))
+
     def _driven(self) -> Node:
         """Return the excitation within its bounds."""
         given = self.excitation
@@ -230,13 +246,6 @@ def fibre_at_rest(f: Muscle, at: Places, activation: float) -> float:
     one = np.zeros(1, ROW)
     knots, length = write_numbers(f, one[0]), pack_points(f, one[0], at)
     return float(equilibrium(one, knots, activation, length))
-
-
-def tension_with_rigid_tendon(f: Muscle, activation: float, length: float, rate: float) -> float:
-    """Return the tension [N] of a muscle whose path has a length and its rate [m, m/s]."""
-    one = np.zeros(1, ROW)
-    knots = write_numbers(f, one[0])
-    return float(tension_of_rigid(one, knots, activation, length, rate))
 
 
 def linear(table: Any) -> bool:

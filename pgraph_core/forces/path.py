@@ -97,11 +97,6 @@ class Via(Frozen):
         help="range of a joint coordinate in which the point counts; default: always",
     )  # fmt: skip
 
-    @property
-    def rides(self) -> bool:
-        """True if it moves in its body, or counts in a range only."""
-        return bool(self.shifts) or self.when is not None
-
     radii: Vec3 | None = field(
         "three lengths > 0 [m], or None",
         converter=maybe_vector, default=None, label="Half axes", dim=M, since=9,
@@ -112,6 +107,11 @@ class Via(Frozen):
         default=None, role="frame", since=9,
         help="orientation of an ellipsoid; default: along the axes of its body",
     )  # fmt: skip
+
+    @property
+    def rides(self) -> bool:
+        """True if it moves in its body, or counts in a range only."""
+        return bool(self.shifts) or self.when is not None
 
     @property
     def is_obstacle(self) -> bool:
@@ -130,11 +130,8 @@ class Via(Frozen):
             text = "is of a point, and this one is an obstacle; leave it or the radius out, or put "
             text += "the obstacle on a body that moves"
             refuse([("shifts" if self.shifts else "when", text)])
-        given = [
-            name
-            for name in ("axis", "side", "inner", "rotation")
-            if getattr(self, name) not in (None, False)
-        ]
+        names = "axis", "side", "inner", "rotation"
+        given = [name for name in names if getattr(self, name) not in (None, False)]
         if given and not self.is_obstacle:
             text = "belongs to an obstacle; give its radius [m], such as radius=0.02, or leave it"
             refuse([(given[0], f"{text} out for a point")])
@@ -201,11 +198,6 @@ class BetweenPoints(AtPoint, Between):
     @property
     def _fits_one_body(self) -> bool:
         return bool(self.via) or self._rides
-
-    @property
-    def _ridden(self) -> tuple[tuple[str, int], ...]:
-        """The (body, index) of each coordinate with which its points ride."""
-        return tuple((x.body, x.coordinate) for x in self._riding)
 
     @property
     def _riding(self) -> tuple[Shift | Within, ...]:

@@ -258,7 +258,7 @@ class _Copy:
             if isinstance(part, OfTwo):
                 used.append((part.other, part.other_coordinate))
         elif isinstance(part, BetweenPoints):
-            used = list(part._ridden)
+            used = [(x.body, x.coordinate) for x in part._riding]
             if any(name not in self.names for name, _ in used):
                 return False  # a coordinate outside the branch, as for expressions
         if isinstance(part, (Contact, Force)):
