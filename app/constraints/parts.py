@@ -312,7 +312,7 @@ def _typed(
 
 
 def shape_of(text: str) -> dict[str, float]:
-    """Return names with numbers, such as "tendon_strain 0.04; active_width 0.5"."""
+    """Return names with numbers from a text such as 'tendon_strain 0.04; active_width 0.5'."""
     found = dict[str, float]()
     for one in filter(None, map(str.strip, text.split(";"))):
         name, _, value = one.replace("=", " ").partition(" ")

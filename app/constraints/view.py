@@ -531,7 +531,7 @@ def _path(
 def _of_row(
     name: str, i: int, rounds: str, radius: str, index: tuple[int, int], up: bool = False
 ) -> list[Payload]:
-    """Return the buttons of a point of a path: round, if it has a radius to take; up; out."""
+    """Return the buttons of a point of a path: round (if it may be an obstacle), up and out."""
     return [
         *([button("Round", "", rounds, field=name, index=index, text=radius)] if radius else []),
         *([button("↑", "", "one place up", field=name, index=[i], text=cables.UP)] if up else []),

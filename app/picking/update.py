@@ -124,7 +124,7 @@ class ClickView(Pointed):
 def _led_to(state: State, event: ClickView) -> State:
     """Lead a new cable to a joint, a tip, a corner or a centre under the pointer, if one is near.
 
-    The body alone is told by the click on its solid.
+    The click on a solid names its body alone.
     """
     found = spot_of(state, event, Aim("point"))
     if found is None or found.body == GROUND or not found.snapped:

@@ -289,7 +289,10 @@ class Joining(NamedTuple):
     def hit(self, origin: np.ndarray, direction: np.ndarray) -> bool:
         """Check whether a ray from a point in a unit direction hits one of them."""
         a, way = self.ends[:, 0] - origin, self.ends[:, 1] - self.ends[:, 0]
-        ahead, along = a @ direction, way @ direction  # of the point nearest to the ray of a line
+        ahead, along = (
+            a @ direction,
+            way @ direction,
+        )  # coordinates along the ray and along each line
         square = (way**2).sum(axis=1) - along**2
         s = np.divide(ahead * along - (a * way).sum(axis=1), square, where=square > 0.0,
                       out=np.zeros(len(a)))  # fmt: skip

@@ -45,7 +45,7 @@ class Overlays:
         self, server: viser.ViserServer, clicked: Callable[[int, marks.Part], None] | None = None
     ):
         self._scene, self._clicked = server.scene, clicked
-        self.joined: Mapping[str, marks.Joining] = {}  # as it is drawn now, by kind
+        self.joined: Mapping[str, marks.Joining] = {}  # drawn marks by kind
         self._nodes: dict[str, list[Any]] = {}
         self._solids: marks.Placed | None = None
         self._attached = True  # the nodes hang on those of bodies

@@ -21,8 +21,8 @@ from ..packing.packed import Packed
 if TYPE_CHECKING:
     from .dynamics import Dynamics
 
-PARAMETERS = 10  # of a body
-ROWS, COLUMNS = [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]  # of the six entries of an inertia
+PARAMETERS = 10  # inertial parameters of a body
+ROWS, COLUMNS = [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]  # places of its six entries in an inertia
 
 
 class Motions(NamedTuple):

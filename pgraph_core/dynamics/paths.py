@@ -18,7 +18,7 @@ from ..packing.packed import Packed
 from ..tolerances import SOLVED
 from .scene import NO_CONSTRAINTS, Scene
 
-UNKEPT = "its force changes the energy there"  # in notices about jumps
+UNKEPT = "its force changes the energy there"  # a part of notices about jumps
 
 
 class Paths:
@@ -51,7 +51,7 @@ class Jump(NamedTuple):
     """A jump of the length of a path, where a point of it begins or ceases to count."""
 
     force: BetweenPoints
-    number: int  # of the point in `via`, from 1
+    number: int  # number of the point in `via`, from 1
     when: Within
     at: float  # the coordinate [rad, m]
     size: float  # length with the point minus that without it [m]

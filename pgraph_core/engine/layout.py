@@ -54,7 +54,7 @@ PROJECTED = FACTOR3 = SOLVED = VELOCITY = FORCE = 51
 D = 57  # inverse of the inertia about the axis
 ADDED = 57  # armature of a ball or a free motion
 KEPT = 57  # for row 0: 1 if q and armatures are those of the frames and articulated inertias
-COUNTS = 57  # of a point that rides: the share of it that counts in its path
+COUNTS = 57  # share of a point that rides which counts in its path
 LEFT = 58  # 3, remaining joint force u = τ - Hᵀb, for a ball in world axes
 ANGLE = 58  # 2, sine and cosine of a rotation, before that
 X = 61  # 3, position of the origin [m] (only where something needs it)

@@ -51,7 +51,7 @@ SHIFT = record(
     rows=INTEGER,
     along=(REAL, 3),  # home axes of the row of its rider
 )
-COLUMN = 0  # of `gates`: the share of it that counts in a run, or NEVER
+COLUMN = 0  # column of `gates`: the share of a point that counts in a run, or NEVER
 
 
 @part
@@ -85,7 +85,7 @@ def place_riders(riders, work, q):
     table, shifts, curves, gates = riders
     for n in range(table.shape[0]):
         one = table[n]
-        none = scale(0.0, origin_of(work, one.carrier))  # of the kind in `work`
+        none = scale(0.0, origin_of(work, one.carrier))  # zeros of the kind in `work`
         x = add(none, xyz(one.point))
         for m in range(one.first_shift, one.first_shift + one.shifts):
             value, _ = shift_at(shifts[m], curves, q)

@@ -156,7 +156,7 @@ bend_of, set_bend, _ = pair(at.AXIS_SLOPE)  # slope of a curve's motion axis
 inverse_pivot_of, set_inverse_pivot = number(at.D)  # 1 / (hᵀ U + armature) of a hinge
 added_of, set_added = number(at.ADDED)  # armature of a ball or a free motion
 kept_of, set_kept = number(at.KEPT)  # for row 0 alone, see `layout`
-counts_of, set_counts = number(at.COUNTS)  # of a rider, see `riders`
+counts_of, set_counts = number(at.COUNTS)  # share of a rider, see `riders`
 left_of, set_left = number(at.LEFT)  # u = τ - hᵀ b of a hinge
 
 

@@ -39,16 +39,16 @@ from ..rotation import Array
 from ..tolerances import EPS, SOLVED, TINY
 from .obstacles import BESIDE, DRAWN, SHORTER, TURN, normal_of_plane, picked, unit
 
-COLUMNS = 7  # of an extrapolation from midpoint rules, whose order is twice as large
+COLUMNS = 7  # midpoint rules of an extrapolation, whose order is twice as large
 WEIGHTS = tuple(
     math.prod(k * k / (k * k - i * i) for i in range(1, COLUMNS + 1) if i != k)
     for k in range(1, COLUMNS + 1)
 )
-STRIDES = 16  # of a geodesic in a turn of its fastest oscillation: within 1e-11 at 1 : 1 : 0.3
+STRIDES = 16  # steps per turn of a geodesic's fastest oscillation: within 1e-11 at 1 : 1 : 0.3
 MOST_STRIDES = 400
-LAST_STRIDES = 2  # after one below SOLVED, so that derivatives follow
+LAST_STRIDES = 2  # steps after one below SOLVED, so that derivatives follow
 MOST_SHOTS = 60
-LAST_SHOTS = 2  # as LAST_STRIDES
+LAST_SHOTS = 2  # shots after one below SOLVED, so that derivatives follow
 EIGHTH = TURN / 8  # the largest change of an angle
 
 

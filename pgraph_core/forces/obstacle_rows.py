@@ -81,7 +81,7 @@ from .obstacles import (
 # columns of a row of the workspace, for a point between two obstacles
 PLACE, STEP, RIGHT, MIDDLE, AHEAD = 0, 3, 6, 9, 12
 GATHERINGS = 2  # rounds that only move points to the middle of their lines
-MOST_ROUNDS = 60  # of Newton's method, whose steps are halved where a path gets longer
+MOST_ROUNDS = 60  # steps of Newton's method, which are halved where a path gets longer
 LAST_ROUNDS = 2  # after a path that is straight to SOLVED: its error is below rounding
 
 
@@ -437,7 +437,7 @@ class Past(NamedTuple):
     """The part of a path past an obstacle, in the axes of its ends [m]."""
 
     length: float
-    free: bool  # it does not touch the obstacle
+    free: bool  # True if the path does not touch the obstacle
     first: Array  # (3,) points at which it touches the obstacle, or its middle
     last: Array
     arc: Array  # (n, 3) points along the obstacle from the first to the last

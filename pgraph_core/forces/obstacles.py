@@ -40,7 +40,7 @@ OBSTACLE = {
     "shape": INTEGER,  # POINT: none
     "sided": INTEGER,  # SHORTER or BESIDE
     "radius": REAL,
-    "axis": (REAL, 3),  # of a cylinder, home axes of the row
+    "axis": (REAL, 3),  # axis of a cylinder in the home axes of the row
     "side": (REAL, 3),  # from the centre to the point on whose side the path lies, the same axes
     "radii": (REAL, 3),  # half axes of an ellipsoid, and its frame in the same axes, row by row
     "axes": (REAL, 9),

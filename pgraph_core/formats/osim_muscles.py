@@ -198,13 +198,13 @@ def _muscle(muscle: Muscle, fields: dict[str, Any]) -> BetweenPoints:
         shape["least_active"] = 0.0
         if not n.get("fiber_damping", 0.1):
             shape["least_active"] = n.get("ActiveForceLengthCurve/minimum_value", 0.1)
-        n.asked.add("ActiveForceLengthCurve/minimum_value")  # of no effect with damping
+        n.asked.add("ActiveForceLengthCurve/minimum_value")  # without effect if there is damping
     if n.get("ignore_passive_fiber_force"):
         shape["passive_force"] = 0.0
     if n.get("ignore_tendon_compliance"):
         fields["tendon"] = "rigid"
     if not fields["pennation"]:
-        n.asked.add("maximum_pennation_angle")  # of no effect without one
+        n.asked.add("maximum_pennation_angle")  # without effect if there is none
     return kinds.Muscle(**fields, model=kind.model, shape=shape)
 
 
@@ -343,14 +343,14 @@ USUAL = {  # values in OpenSim 4.6 without them in the file, where those of our 
 }
 # numbers that no field has, with the value at which they have no effect
 NONE = {"ignore_activation_dynamics": 0.0, "maximum_pennation_angle": STEEPEST}
-IDLE = frozenset((  # of a path or a picture, or of the start, which is in equilibrium here
+IDLE = frozenset((  # parts of paths, pictures and the start, which is in equilibrium
     "path", "GeometryPath", "components", "Appearance", "display", "appliesForce", "isDisabled",
     "default_fiber_length", "default_normalized_tendon_force",
     # without effect on runs of OpenSim 4.6
     "optimal_force", "min_control", "max_control", "tendon_compliance_dynamics_mode",
     "ForceVelocityCurve/concentric_slope_at_vmax", "ForceVelocityCurve/eccentric_slope_at_vmax",
     "MuscleFirstOrderActivationDynamicModel", "MuscleSecondOrderActivationDynamicModel",
-    "Vmax", "Vmax0", "damping",  # of versions before 3
+    "Vmax", "Vmax0", "damping",  # names before version 3
 ))  # fmt: skip
 
 
@@ -362,7 +362,7 @@ class Kind(NamedTuple):
 
     model: Any
     shape: Mapping[str, str]  # numbers of its curves: names in the file, and ours
-    usual: Mapping[str, float] = {}  # as USUAL
+    usual: Mapping[str, float] = {}  # values that differ from USUAL
 
 
 MODELS: dict[str, Kind] = {

@@ -274,7 +274,7 @@ def _gates(
     The number of the first one among `gated` forces as an owner is `first`.
     """
     own = gated(forces)
-    in_order = (f for kind in LOADS for f in own if type(f) in kind.parts)  # as their rows
+    in_order = (f for kind in LOADS for f in own if type(f) in kind.parts)
     owners = (first + own.index(f) for f in in_order for via in f.via if via.when is not None)
     for n, one in enumerate(loads.riders[0]):
         if one["gate"] >= 0:

@@ -115,7 +115,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
         known[:, 1:] &= known[:, :1] & known[:, 1:2]
         error[~np.logical_and.accumulate(known[:, 1:])] = np.inf
     forces[~np.isfinite(error[:, 0])] = np.inf
-    if record.plan.tolerance is not None:  # an error within the tolerance is what was asked for
+    if record.plan.tolerance is not None:  # an error within the tolerance is acceptable
         turns = not mech.packed.slides.all()
         size = max(size, record.plan.tolerance.rtol * max(length, float(turns)) / VISIBLE)
     sizes = np.array((size, *ranges))

@@ -15,7 +15,7 @@ from ..result.slopes import BESIDE
 from ..tolerances import NAMED, SOLVED
 from .running import Running
 
-HALVINGS = 24  # of an interval between frames, to a change by its bends below SOLVED
+HALVINGS = 24  # halvings of an interval between frames, to a change by bends below SOLVED
 
 End = tuple[float, float, float]  # place in an interval between two frames, length, slope
 
@@ -24,7 +24,7 @@ def slipped(record: Running) -> Iterator[str]:
     """Yield a notice about each path whose length jumps where it changes least evenly.
 
     A path lies on the side of an obstacle that is nearer to its shortest way, or to `side`, so that
-    it may change from one side to the other. Points that count in a range only are told apart.
+    it may change from one side to the other. `jumping` reports points that count in a range only.
     """
     mech, n = record.mech, record.steps.recorded
     forces = [f for f in record.plan.wrapped if _may_slip(f)]
@@ -36,10 +36,9 @@ def slipped(record: Running) -> Iterator[str]:
     uneven = np.abs(change - beside)
     for k, f in enumerate(forces):
         i = int(uneven[:, k].argmax())
-        if NAMED * uneven[i, k] <= np.median(uneven[:, k]):  # as uneven as most intervals
+        if NAMED * uneven[i, k] <= np.median(uneven[:, k]):  # most intervals are as uneven
             continue
         a, b = states[i], states[i + 1]
-
         share, jump, whole = _largest_jump(partial(_length, paths, k, a, b))
         if jump > SOLVED * whole:
             t = record.steps.times[i] + share * (record.steps.times[i + 1] - record.steps.times[i])

@@ -89,7 +89,7 @@ def code_hash(path: Path) -> str:
 def text_of(path: Path) -> str:
     """Return the source of a file. A force's source is reduced to the parts used by its kernels.
 
-    Its imports are left out as well: those of kernels are in the files of `imported`.
+    Its imports are removed as well: those of kernels are in the files of `imported`.
     """
     text = path.read_text(encoding="utf-8")
     if path.parent != FORCES:
