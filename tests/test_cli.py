@@ -407,6 +407,21 @@ def test_convert_keeps_its_input_and_asks_for_folders_that_are_there(tmp_path, c
     assert file.read_bytes() == before
 
 
+def test_a_table_of_moment_arms_counts_the_states_without_a_shortest_way(capsys, tmp_path):
+    """A path leads below one post and above the other, until the first one moves into it."""
+    cart = pg.Body(name="cart", joint="prismatic", axes=[(1, 0, 0)], mass=1)
+    posts = [
+        {"body": body, "point": (x, 0, 0), "radius": 0.5, "axis": (0, 0, 1), "side": (0, y, 0)}
+        for body, x, y in (("cart", 0, -9), ("ground", -1, 9))
+    ]
+    path = pg.Spring(name="s", body="cart", point=(3, 1, 0), other_point=(-3, -1, 0), via=posts)
+    pg.Model(bodies=[cart], forces=[path]).save(file := tmp_path / "posts.json")
+    given = "arms", str(file), "--over", "cart", "--range", "-0.495,0.505", "--points", "101"
+    (text,) = answered(capsys, *given)["notices"]
+    assert "'s'" in text
+    assert "at 50 of 101 coordinates, first at -0.495" in text
+
+
 def test_arms_are_minus_the_slopes_of_the_lengths_in_their_table(capsys, tmp_path):
     arm = [pg.Body(name=n, parent=p, mass=1, inertia=(1, 1, 1), link=(1, 0, 0), limits=((-1, 1),))
            for n, p in (("upper", "ground"), ("lower", "upper"))]  # fmt: skip
@@ -424,6 +439,13 @@ def test_arms_are_minus_the_slopes_of_the_lengths_in_their_table(capsys, tmp_pat
         np.testing.assert_allclose(found[f"arm.{name}"][1:-1], -slope, atol=1e-4)
     of_output = answered(capsys, *given[:3], "elbow", "--points", "201")
     assert [*of_output.values()] == [*found.values()]
+    for typed in ("-30,45deg", "-30deg,45", "-30deg,45deg"):
+        q = answered(capsys, *given, "--range", typed, "--points", "2")["lower"]
+        np.testing.assert_allclose(q, np.deg2rad((-30, 45)), rtol=1e-15)
+    for typed, fact in (("0,5mm", "mm"), ("0,1,2", "0,1,2"), ("0", "0,130deg"), ("a,1", "'a'")):
+        err = printed(capsys, *given, "--range", typed, code=1)[1]
+        assert "--range" in err
+        assert fact in err
     table = tmp_path / "arms.csv"
     answered(capsys, *given, "--range=0,0.5", "--points", "3", "-o", str(table))
     rows = np.loadtxt(table, delimiter=",", skiprows=1)

@@ -5,17 +5,21 @@ from __future__ import annotations
 import csv
 import math
 from argparse import Namespace
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.dynamics.paths import Jump, jump_text, jumps_of
+from pgraph_core.dynamics.ways import no_ways
 from pgraph_core.errors import FileError, InputError, Problem, choices, shown
 from pgraph_core.forces import BetweenPoints
 
-from .terminal import MODEL, Answer, aligned, command, count, numbers, open_model, takes
+from ..core.cells import UNITS, Display, Quantity, Refusal, quantity
+from .terminal import MODEL, Answer, aligned, command, count, names, open_model, takes
 
 
 @command(
@@ -24,8 +28,8 @@ from .terminal import MODEL, Answer, aligned, command, count, numbers, open_mode
     *MODEL,
     takes("--over", metavar="JOINT", required=True, help="the body with the joint, or BODY.K for "
           "coordinate K of several, counted from 0"),
-    takes("--range", type=numbers, metavar="A,B", help="first and last coordinate [rad, m]; "
-          "default: the limits of the joint, or half a turn each way"),
+    takes("--range", type=names, metavar="A,B", help="first and last coordinate [rad, m], or with "
+          "a unit, such as 0,130deg; default: the limits of the joint, or half a turn each way"),
     takes("--points", type=count, default=101, metavar="N", help="default: 101"),
     takes("-o", "--output", metavar="FILE", help="write a table (.csv)"),
 )  # fmt: skip
@@ -39,10 +43,12 @@ def arms(args: Namespace) -> Answer:
         raise InputError(Problem(args.model, "", text))
     name, k = _coordinate(mech, args.over)
     at_q, at_v = mech.joints[name].q.start + k, mech.joints[name].v.start + k
-    low, high = args.range if args.range is not None else _limits(mech, name, k)
+    low, high = _limits(mech, name, k) if args.range is None else _ends(mech, name, k, args.range)
     q = np.repeat(mech.home()[0][None], args.points, axis=0)
     q[:, at_q] = np.linspace(low, high, args.points)
-    found = [mech.path_length(q), mech.moment_arms(q)[:, :, at_v]]
+    with catch_warnings():
+        simplefilter("ignore", UserWarning)  # `_without_ways` counts the states
+        found = [mech.path_length(q), mech.moment_arms(q)[:, :, at_v]]
     table = np.column_stack((q[:, at_q], *found))
     header = [args.over, *(f"{of}.{n}" for of in ("length", "arm") for n in mech.path_names)]
     data: dict[str, Any] = {name: column.tolist() for name, column in zip(header, table.T)}
@@ -53,8 +59,9 @@ def arms(args: Namespace) -> Answer:
         text = f"{args.output}: {len(table)} rows written"
     else:
         text = aligned(table.tolist(), header)
-    jumps = _jumps(mech, q[0], (name, k), (low, high))
+    jumps = _jumps(mech, q[0], (name, k), (min(low, high), max(low, high)))
     told = [jump_text(mech.packed, own) for own in jumps if own]
+    told += _without_ways(mech, q, at_q)
     if told:
         data["notices"] = told
     return Answer(data, "\n".join((text, *told)))
@@ -73,6 +80,17 @@ def _jumps(
         for f in mech.model.forces
         if isinstance(f, BetweenPoints)
     ]
+
+
+def _without_ways(mech: pg.Mechanism, q: np.ndarray, at_q: int) -> Iterator[str]:
+    """Yield a sentence about each path that has no shortest way at some of the states."""
+    for f in mech.model.forces:
+        if not isinstance(f, BetweenPoints):
+            continue
+        bad = [x for x in q if any(no_ways(mech.packed, (f,), x, lambda _: ""))]
+        if bad:
+            when = f"at {len(bad)} of {len(q)} coordinates, first at {bad[0][at_q]:.6g}"
+            yield from no_ways(mech.packed, (f,), bad[0], lambda _, when=when: when)
 
 
 def _coordinate(mech: pg.Mechanism, given: str) -> tuple[str, int]:
@@ -96,6 +114,24 @@ def _plain(mech: pg.Mechanism, name: str) -> bool:
     """Check whether each coordinate of a joint has its own speed."""
     joint = mech.joints[name]
     return len(range(mech.nq)[joint.q]) == len(range(mech.nv)[joint.v]) > 0
+
+
+def _ends(mech: pg.Mechanism, name: str, k: int, given: Sequence[str]) -> tuple[float, float]:
+    """Return the typed range of a coordinate, where a unit at one end holds for both. Raises
+    InputError."""
+    of: Quantity = "length" if mech.model.body(name).sequence[k].facts.travels else "angle"
+    example = "0,80mm" if of == "length" else "0,130deg"
+    if len(given) != 2:
+        text = f"must be the first and last coordinate, such as {example}, got {','.join(given)}"
+        raise InputError(Problem("pgraph arms", "--range", text))
+    units = [next((u for u in UNITS[of] if x.endswith(u)), "") for x in given]
+    typed = [x if own else x + other for x, own, other in zip(given, units, units[::-1])]
+    try:
+        low, high = (quantity(x, of, Display()) for x in typed)
+    except Refusal as refusal:
+        text = f"{refusal}; give two of them, such as {example}"
+        raise InputError(Problem("pgraph arms", "--range", text)) from None
+    return low, high
 
 
 def _limits(mech: pg.Mechanism, name: str, k: int) -> tuple[float, float]:

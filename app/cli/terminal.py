@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import sys
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
@@ -37,6 +38,11 @@ SHORT = 2.0  # [s] after which the time left is worth a word
 
 class Parser(ArgumentParser):
     """A parser that suggests the flag meant by an unknown one, such as --step for --dt."""
+
+    def __init__(self, *args: Any, **named: Any):
+        super().__init__(*args, **named)
+        # values begin like negative numbers, also such as -30,130deg
+        self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def read(self, words: Sequence[str]) -> Namespace:
         """Return the values of the arguments, or end the program with a message."""

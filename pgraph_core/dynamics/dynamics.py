@@ -144,9 +144,13 @@ class Dynamics(Kinematics):
         return self._along_paths(q)[1]
 
     def _along_paths(self, q: Array) -> tuple[Array, Array]:
+        """Return lengths and moment arms, and warn of each path without a shortest way at q."""
         q = position(self.packed, q)
         with self._lock:
-            return self._paths.measured(q)
+            lengths, arms = self._paths.measured(q)
+        for text in self._paths.doubts(q, arms):
+            warnings.warn(text, stacklevel=5)
+        return lengths, arms
 
     @cached_property
     def _paths(self) -> Paths:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,13 +10,13 @@ import numpy as np
 from ..engine.compiler.jit import ready
 from ..engine.motion import path_arms
 from ..errors import choices
-from ..forces import BetweenPoints, Force, Spring, Within, at_state
+from ..forces import BetweenPoints, Force, Spring, Within
 from ..forces.path import length_along
-from ..forces.riding import CoordinateOf
 from ..packing import Array, joint_coordinates
 from ..packing.packed import Packed
 from ..tolerances import SOLVED
 from .scene import NO_CONSTRAINTS, Scene
+from .ways import has_rows, no_ways, places_of, there
 
 UNKEPT = "its force changes the energy there"  # a part of notices about jumps
 
@@ -29,6 +29,7 @@ class Paths:
         forces = packed.model.forces if forces is None else forces
         given = [f for f in forces if isinstance(f, BetweenPoints)]
         self.names = tuple(f.name for f in given)
+        self._packed, self._rows = packed, [f for f in given if has_rows(f)]
         springs = tuple(_idle(f) for f in given)
         self._scene = Scene(packed, packed.passive, packed.loads(springs), NO_CONSTRAINTS)
         self._kernel, self._still = ready(path_arms), np.zeros(packed.nv)
@@ -39,6 +40,17 @@ class Paths:
         lengths, arms = np.empty(n), np.zeros((n, nv))
         self._kernel(self._scene.address, q, self._still, lengths, arms)
         return lengths, arms
+
+    def doubts(self, q: Array, arms: Array) -> Iterator[str]:
+        """Yield a sentence about each path without a shortest way at q, with these moment arms."""
+
+        def when(f: BetweenPoints) -> str:
+            moving = arms[self.names.index(f.name)] != 0.0
+            joints = [(n, x.q) for n, x in self._packed.joints.items() if moving[x.v].any()]
+            places = (f"{name} {' '.join(f'{x:.6g}' for x in q[own])}" for name, own in joints)
+            return f"at the coordinates {choices(places)}"
+
+        return no_ways(self._packed, self._rows, q, when)
 
 
 def _idle(f: BetweenPoints) -> Spring:
@@ -55,12 +67,6 @@ class Jump(NamedTuple):
     when: Within
     at: float  # the coordinate [rad, m]
     size: float  # length with the point minus that without it [m]
-
-
-def coordinates(packed: Packed, q: Array) -> CoordinateOf:
-    """Return the function of (body, index) that gives a coordinate at a state."""
-    number, system = packed.topology.number, packed.system
-    return lambda name, k: float(q[joint_coordinates(system, number(name))[k][1]])
 
 
 def jumps_of(packed: Packed, f: BetweenPoints, q: Array) -> list[Jump]:
@@ -104,14 +110,5 @@ def jump_text(packed: Packed, jumps: Sequence[Jump], when: str = "") -> str:
 
 def length_at(packed: Packed, f: BetweenPoints, q: Array) -> float:
     """Return the length of the path of a force at a state [m]."""
-    place, turn = packed.poses(q)
-    number, body = packed.topology.number, packed.model.body(f.body)
-
-    def turned(name: str) -> Array:
-        return turn[number(name) - 1] if number(name) else np.eye(3)
-
-    def at(name: str, point: Any) -> Array:
-        origin = place[number(name) - 1] if number(name) else np.zeros(3)
-        return origin + turned(name) @ np.asarray(point)
-
-    return length_along(at_state(f, body, coordinates(packed, q)), body, at, turned)
+    at, turned = places_of(packed, *packed.poses(q))
+    return length_along(there(packed, f, q), packed.model.body(f.body), at, turned)

@@ -18,9 +18,9 @@ from ..dynamics.arguments import (
     rows_by_name,
     stretched,
 )
-from ..dynamics.paths import coordinates
+from ..dynamics.ways import there
 from ..errors import InputError, Problem, choices, nearest_first, shown
-from ..forces import BetweenPoints, Force, OnJoint, at_state, legs_of
+from ..forces import BetweenPoints, Force, OnJoint, legs_of
 from ..mechanism import Mechanism
 from ..model import Control, Scenario
 from ..packing import Array
@@ -226,7 +226,7 @@ def _coincide(mech: Mechanism, f: BetweenPoints, q: Array) -> bool:
         place, turn = mech.pose(q, name)
         return place + turn @ np.asarray(point)
 
-    f = at_state(f, mech.model.body(f.body), coordinates(mech.packed, q))
+    f = there(mech.packed, f, q)
     legs = legs_of(f, mech.model.body(f.body))
     ends = ((at(*one), at(*two)) for one, past, two in legs if not past)
     return any(

@@ -1,5 +1,7 @@
 """Paths over obstacles in a row and through rings: closed forms, and laws of moment arms."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -286,3 +288,13 @@ def test_obstacles_without_a_straight_line_between_them_are_told(x, y, told):
     found = [text for text in notices if "'s'" in text and "no shortest way" in text]
     assert len(found) == told
     assert all("2 obstacles" in text and "'ground'" in text for text in found)
+    q = np.array([[0.2, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    for ask in (mech.path_length, mech.moment_arms):
+        with warnings.catch_warnings(record=True) as given:
+            warnings.simplefilter("always")
+            ask(q)
+        texts = [str(one.message) for one in given]
+        assert len(texts) == 2 * told  # one for each state
+        assert all("'s'" in text and "no shortest way" in text for text in texts)
+        assert all(one.filename == __file__ for one in given)
+        assert not told or "x 0.2" in texts[0]
