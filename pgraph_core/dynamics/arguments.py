@@ -21,6 +21,7 @@ from ..joints import in_parts, joined
 from ..packing import Array
 from ..packing.packed import Packed
 from ..portable import Unportable, array_of
+from .remembering import Calls
 
 NAMELESS = {np.ndarray, list, tuple, str, float, int, bool, type(None)}  # no names in them
 MOST_JOINTS = 8  # joints that a message about an array lists
@@ -300,6 +301,35 @@ def _takes(parameters: inspect.Signature, count: int) -> bool:
 # -- torques from a user's function ----------------------------------------------------------------
 
 
+def answer_of(
+    function: Callable[[float, Array, Array], Any], t: float, q: Array, v: Array
+) -> Array:
+    """Call a torque function and return its answer (nv,), which may not be finite.
+
+    Raises InputError if the function raises or its answer does not fit.
+    """
+    try:
+        given = function(t, q, v)
+    except Exception as error:
+        text = f"the function raised {type(error).__name__}: {error} (at t = {t:.6g} s)"
+        text += "; it is called as f(t, q, v)" * isinstance(error, TypeError)
+        raise InputError(Problem("simulate", "tau", text)) from error
+    try:
+        found = array_of(given)
+    except (TypeError, ValueError):  # lists of unequal length
+        found = np.array(None)
+    if v.shape == (1,) and not found.shape:
+        found = found.reshape(1)
+    if found.dtype.kind in "fiu" and found.shape != v.shape:
+        text = f"the function returned shape {found.shape}; it must return {v.shape}"
+        raise InputError(Problem("simulate", "tau", f"{text}, a torque for each of v"))
+    if found.dtype.kind not in "fiu":
+        text = f"the function returned {shown(given)} at t = {t:.6g} s; it must return "
+        text += f"{len(v)} numbers, a torque for each of v"
+        raise InputError(Problem("simulate", "tau", text))
+    return found
+
+
 _Address = ctypes.CFUNCTYPE(
     ctypes.c_int64, ctypes.c_double, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64
 )
@@ -316,7 +346,7 @@ class UserTorque(Unportable):
 
         Raises InputError if numba cannot compile it.
         """
-        self.function = of_state(function)
+        self.function, self.calls = of_state(function), Calls(function)
         self.exchange = np.zeros((5, max(room, 1)))
         self.answer = np.zeros(1, dtype=np.int64)
         self.error: BaseException | None = None
@@ -334,7 +364,6 @@ class UserTorque(Unportable):
 
     interpreted = True  # by Python, not compiled
     most: Array | None = None  # (nv,) the largest |τ| of all calls, if it is kept
-    _first: tuple[float, Array, Array, Array] | None = None  # t, q, v of the first call, its answer
 
     @property
     def memory(self) -> list[Array]:
@@ -380,39 +409,13 @@ class UserTorque(Unportable):
 
         Raises InputError if the function raises or does not fit.
         """
-        try:
-            given = self.function(t, self._q.copy(), self._v.copy())
-        except Exception as error:
-            text = f"the function raised {type(error).__name__}: {error} (at t = {t:.6g} s)"
-            text += "; it is called as f(t, q, v)" * isinstance(error, TypeError)
-            raise InputError(Problem("simulate", "tau", text)) from error
-        try:
-            found = array_of(given)
-        except (TypeError, ValueError):  # lists of unequal length
-            found = np.array(None)
-        if self._v.shape == (1,) and not found.shape:
-            found = found.reshape(1)
-        if found.dtype.kind in "fiu" and found.shape != self._v.shape:
-            text = f"the function returned shape {found.shape}; it must return {self._v.shape}"
-            raise InputError(Problem("simulate", "tau", f"{text}, a torque for each of v"))
-        if found.dtype.kind not in "fiu":
-            text = f"the function returned {shown(given)} at t = {t:.6g} s; it must return "
-            text += f"{len(self._v)} numbers, a torque for each of v"
-            raise InputError(Problem("simulate", "tau", text))
+        found = answer_of(self.function, t, self._q.copy(), self._v.copy())
         if not np.isfinite(found).all():
             self._bad[0] = t
         if self.most is not None:
             np.fmax(self.most, np.abs(found), out=self.most)
-        if self._first is None:
-            self._first = t, self._q.copy(), self._v.copy(), found.astype(float)
+        self.calls.note(t, self._q, self._v, found)
         return found
-
-    def remembers(self) -> bool:
-        """Call a Python function once more as at first, and check for another answer."""
-        if not self.interpreted or self._first is None:
-            return False
-        t, self._q[:], self._v[:], answer = self._first
-        return not np.array_equal(self._checked(t), answer)
 
 
 def acting(tau: Any, nq: int, nv: int, room: int) -> UserTorque | None:

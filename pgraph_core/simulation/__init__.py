@@ -23,6 +23,7 @@ from .options import MOST_CHOSEN, Options, inputs_of, shown_progress
 from .plan import begun_with, plan_of
 from .recorded import result_of
 from .recording import Recording
+from .sampling import refuse_unsampled
 from .start import (
     by_names,
     given_states,
@@ -59,6 +60,7 @@ def simulate(
     atol: float = 0.0,
     max_steps: int = MOST_CHOSEN,
     tau: Torque | None = None,
+    sample: float | None = None,
     frames: int | None = None,
     t_eval: Any = None,
     scenario: str | None = None,
@@ -118,6 +120,11 @@ def simulate(
         `place_poles`. Functions compiled with `numba.njit` are about 100 times faster than Python
         functions. Note that pulses shorter than a step may be missed. Use a smaller `step`, or a
         `pg.Motor` with a table, since steps end at its knots.
+    sample : float, optional
+        Time between samples [s] of a controller. The function `tau` is then called once at the
+        start and at each multiple of `sample` after it, in the order of time, and its torques are
+        held in between, as in a loop of a `pg.Stepper`. Steps end at samples. A function that
+        remembers earlier calls, such as the sum of a PI controller, requires it.
     frames : int, optional
         Number of evenly spaced frames to record. The default is about 1000.
     t_eval : array, optional
@@ -176,6 +183,8 @@ def simulate(
     mech = mechanism_of(mechanism, "simulate")
     if tau is not None:
         mech, forces, tau = torques_or_drives(mech, forces, tau)
+    if sample is not None:
+        refuse_unsampled(tau)
     memory = None
     if start is not None:
         given = {"q": q, "v": v, "states": states, "t_start": t_start or None}
@@ -183,7 +192,7 @@ def simulate(
     options = Options.unchecked(
         scenario=scenario, t_start=t_start, t_end=t_end, method=method, step=step, rtol=rtol,
         atol=atol, max_steps=max_steps, frames=frames, t_eval=t_eval, stabilise=stabilise,
-        forces=forces, switches=switches, estimate=estimate,
+        forces=forces, switches=switches, estimate=estimate, sample=sample,
         inputs=() if inputs is None else inputs_of(inputs, "simulate"), memory=memory,
     )  # fmt: skip
     if q is not None or v is not None:

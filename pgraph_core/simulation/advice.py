@@ -88,7 +88,7 @@ def _pilot(record: Running) -> tuple[list[tuple[Array, Array]], float] | None:
     Return None if adaptive steps cannot follow the motion.
     """
     plan, nothing = record.plan, float("nan")
-    held = plan.changes or plan.conditions or plan.impulses or plan.contact_points
+    held = plan.stops or plan.conditions or plan.impulses or plan.contact_points
     if held or record.user is not None or record.scene.remembers:
         return None
     span = plan.times[0], plan.times[-1]

@@ -49,6 +49,10 @@ UNKNOWN = (
     f"{BECAUSE} a function gives its torques: give estimate=True to call it again for a second "
     "run, if it remembers nothing, or compare with a run at half the step, or at a tighter rtol"
 )
+REMEMBERS = (
+    f"{BECAUSE} the torque function changes '{{}}' from call to call, and a second run would go on "
+    "from there: compare with a run of a new function, at half the step or at a tighter rtol"
+)
 
 
 def error_estimate(record: Recording, asked: bool | None) -> Estimate:
@@ -60,6 +64,8 @@ def error_estimate(record: Recording, asked: bool | None) -> Estimate:
     if not record.ended.ok or asked is False:
         return Estimate()
     tau, found = record.tau, Estimate(why=UNKNOWN)
+    if asked and (name := "" if record.sampled is None else record.sampled.calls.changed()):
+        asked, found = None, Estimate(why=REMEMBERS.format(name))
     if asked or not callable(tau) or hasattr(tau, "acting") or made_by_numba(tau):
         found = _estimated(record, _until_its_end(record) if record.ended.over else record.planned)
     if found.why:
@@ -290,6 +296,7 @@ def _until_its_end(record: Recording) -> RunPlan:
     plan, n = record.planned, record.steps.recorded
     times, changes = record.steps.times[:n].copy(), plan.changes
     changes = tuple(change for change in changes if n and change.t < times[-1])
+    plan = replace(plan, samples=plan.samples[plan.samples < times[-1:]])
     if plan.tolerance is not None or n < 2:
         return replace(plan, times=times, changes=changes)
     spans, substeps = np.diff(times), plan.substeps[: n - 1].copy()

@@ -80,7 +80,8 @@ def _advice(record: Running, status: Status) -> str:
 
 def trouble(record: Running, t: float) -> str:
     """Return the fault of a function or expression from time t on, for a message."""
-    text = record.user.trouble(t) if record.user is not None else ""
+    caller = record.user or record.sampled
+    text = caller.trouble(t) if caller is not None else ""
     _, targets, states = record.scene.loads.signals
     owners = targets[targets[:, FAILED] > 0, OWNER], states[states[:, LOST] > 0, CONTROL]
     for part in _parts(record, *owners):  # a control is the cause of what reads it

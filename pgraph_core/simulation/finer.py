@@ -127,7 +127,7 @@ def offset_plan(finer: RunPlan, plan: RunPlan, parts: int) -> RunPlan:
     stretch = STRETCH if parts > 1 else int(np.sqrt(frames[-1]))
     steps = np.append(0, np.cumsum(plan.substeps))
     keep = np.searchsorted(steps, np.arange(0, steps[-1], stretch))
-    switched = np.searchsorted(plan.times, [change.t for change in plan.changes])
+    switched = np.searchsorted(plan.times, plan.stops)
     shared = frames[np.union1d(np.append(keep, len(steps) - 1), switched)]
     near = shared[:-1, None] + FIRST / (3.0 * parts)
     ends = np.unique(np.concatenate((shared, *near.T, near[:, 0] + (np.diff(shared) - 1.0))))

@@ -66,6 +66,7 @@ class Options(Settings):
     estimate: Flag | None = field("True, False or None", default=None)
     inputs: Any = ()  # Inputs
     memory: Any = None  # the Memory of the run that goes on
+    sample: Number | None = field("a time > 0 [s]", default=None, gt=0)
     usual: Any = None  # the step of the scenario [s], for methods that do not choose their steps
 
     @classmethod

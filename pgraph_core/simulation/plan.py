@@ -48,6 +48,7 @@ from .plan_notices import filled, hard, lost, too_wide
 from .rates import Rate
 from .remedies import or_by_error
 from .run_plan import NO_GAINS, NO_SUBSTEPS, NO_TIMES, Idle, RunPlan, Way
+from .sampling import samples_of
 from .start import controller_of, initial_state, is_controller
 from .switches import (
     ever,
@@ -319,9 +320,9 @@ def _with_times(mech: Mechanism, plan: RunPlan, o: Options, span: tuple[float, f
     """Return the plan with its recorded times, and its steps or tolerance."""
     changes, tolerance = plan.changes, o.tolerance(plan.method, span[1] - span[0])
     width, asked = _times(o, tolerance, span)
-    times = asked
-    if changes:
-        times, changes = with_instants(times, changes)
+    times, samples = asked, samples_of(o.sample, width, span)
+    if changes or len(samples):
+        times, changes, samples = with_instants(times, changes, samples)
     substeps, widths = steps_between(times, width) if width else (NO_SUBSTEPS, NO_TIMES)
     if o.max_steps != MOST_CHOSEN and (count := int(substeps.sum())) > o.max_steps:
         text = f"the run has {count} steps of {width:.3g} s; use {count} or more, or omit it"
@@ -335,7 +336,7 @@ def _with_times(mech: Mechanism, plan: RunPlan, o: Options, span: tuple[float, f
     return replace(
         plan, times=times, substeps=substeps, width=widths, tolerance=tolerance, changes=changes,
         corners=ends, gains=_gains(o), shown=_shown(times, o, asked),
-        kinks=tuple(kinks),
+        kinks=tuple(kinks), samples=samples,
     )  # fmt: skip
 
 

@@ -37,6 +37,7 @@ from .remarks import (
     creeping,
     off_curve,
     off_track,
+    remembering,
     too_fast,
     touching,
     turns_unseen,
@@ -228,7 +229,7 @@ def notices(record: Recording) -> tuple[str, ...]:
     if model.cams and len(plan.ever):
         found += lifted(record)
     if record.user is not None:
-        found += record.user.notices()
+        found += [*record.user.notices(), *remembering(record.user, record.whole)]
     if record.carried is not None:
         found += record.carried.notices(record.steps.recorded)
     return tuple(found)

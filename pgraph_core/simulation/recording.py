@@ -33,9 +33,10 @@ from .failures import failure, trouble
 from .loop import Outcome, Steps, Workplace, free, links_of, paced, taken
 from .monitors import room_for
 from .options import Progress
-from .remarks import remarks
+from .remarks import remarks, remembering
 from .run_plan import RunPlan
 from .running import Running
+from .sampling import Sampled
 from .switching import Switching
 
 if TYPE_CHECKING:
@@ -73,7 +74,9 @@ class Recording(Running):
         self.given = (q.copy(), v.copy()) if coarser is None else coarser.given  # not assembled
         self.size = len(q), len(v)  # with the states of controls
         self.start = float(plan.times[0])  # [s]
-        if tau is not None:
+        if len(plan.samples):
+            self.sampled = Sampled(tau)
+        elif tau is not None:
             self.user = acting(tau, mech.nq, mech.nv, max(len(q), len(v)))
             if self.user is not None and plan.driving:
                 self.user.keep_most()
@@ -88,7 +91,12 @@ class Recording(Running):
         """Build the scene, frames and stepping loop for the plan, at (q, v)."""
         plan, before, left, (nq, nv) = self.plan, self.coarser, None, self.size
         size = len(plan.times) * (nq + 2 * nv + 6 * (1 + len(plan.ever)))
-        alone = self.user is not None or self._events or (before is not None and not before.reused)
+        alone = (
+            self.user is not None
+            or self.sampled is not None
+            or self._events
+            or (before is not None and not before.reused)
+        )
         # whether other frames may come into these arrays
         self.reused = plan.reusable and not alone and size <= KEPT_NUMBERS
         if self.reused and before is None:
@@ -109,14 +117,15 @@ class Recording(Running):
             self.out = self._empty_frames(len(plan.times))
         self._arrays = tuple(self.out)  # arguments of kernels
         if self.user is None:
-            tau, own, of = self.tau, self.mech.nv, self.mech.packed
+            tau = self.tau if self.sampled is None else None
+            own, of = self.mech.nv, self.mech.packed
             self.scene.given[:own] = 0.0 if tau is None else finite("tau", tau, own, of=of)
         if left is None:
             self.steps = Steps(plan, q, v, self._arrays)
         self.q, self.v = self.steps.q, self.steps.v
         if left is None:
             self._join()
-        if plan.changes:
+        if plan.stops:
             self.switching.stop_at_next()
 
     def _scene_of_finer(self, before: Recording) -> Scene:
@@ -267,6 +276,7 @@ class Recording(Running):
         """Tell of a run that would take very many steps, once, and immediately if nobody follows
         its progress."""
         if self.coarser is None and not self._crawls and (text := self.steps.crawl()):
+            text = next(remembering(self.user, False), text)
             self._crawls = text
             self.ended.notices.append(text)
             if self.progress is None:
@@ -299,6 +309,8 @@ class Recording(Running):
                 known = ~np.isnan(plan.states)
                 self.v[mech.nv :][known] = plan.states[known]
         self.began = self.q.copy(), self.v.copy()
+        if self.sampled is not None:
+            self.take_sample(self.start)
         with self.uninterrupted():
             code = self._first_evaluation() if first or self.scene.remembers else 0
         if code and self.user is not None:
@@ -328,6 +340,12 @@ class Recording(Running):
         if self.carried is not None and self.ended.ok:
             self.carried.join(self, self.given)
         return self.ended.ok
+
+    def take_sample(self, t: float) -> None:
+        """Call the held torque function at t and at the present state. Raises InputError."""
+        assert self.sampled is not None
+        nq, nv = self.mech.nq, self.mech.nv
+        self.scene.given[:nv] = self.sampled.at(t, self.q[:nq], self.v[:nv])
 
     def _rehearse(self) -> None:
         """Compute the forces of the first step of time stepping, for frame 0 and conditions."""

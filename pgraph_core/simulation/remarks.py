@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..dynamics.arguments import UserTorque, positions
+from ..dynamics.arguments import UserTorque, answer_of, positions
 from ..dynamics.scene import force_sizes
 from ..engine import motion
 from ..engine.compiler.jit import made_by_numba
@@ -45,8 +46,6 @@ def remarks(record: Running) -> Iterator[str]:
         yield from pulses(record)
     elif plan.method.starts:
         yield from hits_unseen(record)
-    if record.user is not None and plan.tolerance is not None:
-        yield from remembering(record.user)
     if record.watch is not None:
         yield from zero_at_first(record, record.watch)
     q = record.began[0]
@@ -94,7 +93,7 @@ def pulses(record: Running) -> Iterator[str]:
     cancel.
     """
     n, plan = record.steps.recorded, record.plan
-    if plan.contact_points or plan.changes or n < 6 or record.steps.counters["steps"] >= n:
+    if plan.contact_points or plan.stops or n < 6 or record.steps.counters["steps"] >= n:
         return
     nv, t = record.mech.nv, record.steps.times[:n, None]
     v, vdot = record.out.v[:n, :nv], record.out.vdot[:n, :nv]
@@ -145,7 +144,7 @@ def hits_unseen(record: Running) -> Iterator[str]:
     stepping contain mean forces.
     """
     plan, tau, other = record.plan, record.tau, record
-    jumps = plan.impulses or plan.changes or plan.conditions or plan.contact_points
+    jumps = plan.impulses or plan.stops or plan.conditions or plan.contact_points
     if jumps:
         return
     again = not callable(tau) or hasattr(tau, "acting") or made_by_numba(tau)
@@ -231,17 +230,25 @@ def _peaks(record: Running, other: Running) -> Iterator[str]:
         )
 
 
-def remembering(user: UserTorque) -> Iterator[str]:
-    """Yield a notice if a torque function answers the same question in two ways.
+def remembering(user: UserTorque | None, repeat: bool) -> Iterator[str]:
+    """Yield a notice if a torque function in Python remembers its calls.
 
-    Steps of a method's own choice call it at trial times, some of them several times.
+    Steps call it at each of their stages, and steps of a method's own choice at times that they
+    give up again. If `repeat` is given, calls are repeated where no change of a variable is seen.
     """
-    if user.remembers():
+    if user is None or not user.interpreted or not user.calls.count:
+        return
+    why, t = "", None
+    if name := user.calls.changed():
+        why = f"changes '{name}' from call to call, as one that remembers its calls does"
+    elif repeat and (t := user.calls.differs(partial(answer_of, user.function))) is not None:
+        why = f"gives another answer when its call at t = {t:.6g} s is repeated, so it remembers "
+        why += "earlier calls or is random"
+    if why:
         yield (
-            "the torque function gives another answer to the arguments of its first call, so it "
-            "remembers earlier calls or is random. Adaptive steps call it at trial times, ahead "
-            "and back: give step=, with which times only ascend, or call it between the steps of a "
-            "pg.Stepper, which holds its torques"
+            f"the torque function {why}. It is called at every stage of every step, also ahead and "
+            "back in time: give sample=0.01, for example, with which it is called once at each "
+            "multiple of 0.01 s, and its torques are held in between"
         )
 
 

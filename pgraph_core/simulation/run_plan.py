@@ -59,6 +59,7 @@ class Way:
     project: bool = False
     gains: Array = field(default_factory=lambda: NO_GAINS)  # (2,) of Baumgarte
     changes: tuple[Change, ...] = ()  # constraints that are switched on and off
+    samples: Array = field(default_factory=lambda: NO_TIMES)  # of a held function, with the start
     corners: Array = field(default_factory=lambda: NO_TIMES)  # at which steps end [s]
     kinks: tuple[Kink, ...] = ()  # corners of prescribed motions
     parts: int = 1  # divisions of intervals shorter than a fixed step, more in a finer run
@@ -72,6 +73,11 @@ class Way:
     def step(self) -> float | None:
         """The step size [s], or None if the method chooses it."""
         return float(self.width.max(initial=0.0)) if self.tolerance is None else None
+
+    @property
+    def stops(self) -> list[float]:
+        """Return the times of frames at which steps stop for a change or a sample."""
+        return [*(change.t for change in self.changes), *self.samples[1:].tolist()]
 
     @property
     def impulses(self) -> bool:
@@ -127,8 +133,8 @@ class RunPlan(Way):
     @cached_property
     def reusable(self) -> bool:
         """Return True if the next run can take the scene and the loop of a run by this plan."""
-        acts = self.contacts or self.contact_points or self.changes or self.calls
-        return not acts and self.memory is None
+        acts = self.contacts or self.contact_points or self.stops or self.calls
+        return not (acts or len(self.samples)) and self.memory is None
 
     @property
     def yields(self) -> bool:
@@ -152,7 +158,8 @@ class RunPlan(Way):
         """Return the plan with contacts and limits active from now on, with the run's frames."""
         other = self.touching
         told = tuple(dict.fromkeys((*self.told, *other.told)))
-        other = replace(other, times=self.times, shown=self.shown, changes=self.changes, told=told)
+        kept = {"times": self.times, "shown": self.shown, "samples": self.samples}
+        other = replace(other, changes=self.changes, told=told, **kept)
         if other.tolerance is not None:
             return other
         substeps, width = steps_between(self.times, float(other.width.max(initial=0.0)))

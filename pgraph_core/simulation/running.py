@@ -18,6 +18,7 @@ from .run_plan import RunPlan
 if TYPE_CHECKING:
     from .contact_events import ContactEvents
     from .monitors import Watch
+    from .sampling import Sampled
 
 
 class Running(ABC):
@@ -28,6 +29,7 @@ class Running(ABC):
     planned: RunPlan  # the initial plan, with the recorded frames
     tau: Any  # torques, a function of (t, q, v), or None
     user: UserTorque | None = None  # caller of a torque function
+    sampled: Sampled | None = None  # a torque function that is called at samples
     scene: Scene
     steps: Steps
     out: Frames
@@ -47,6 +49,10 @@ class Running(ABC):
     def active(self) -> Ints:
         """Return the indices of the currently active constraints."""
         return np.array(sorted(self.held), dtype=np.int64)
+
+    @abstractmethod
+    def take_sample(self, t: float) -> None:
+        """Call the held torque function at t and at the present state. Raises InputError."""
 
     @abstractmethod
     def repeated(self, plan: RunPlan) -> Running:

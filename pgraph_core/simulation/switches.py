@@ -117,15 +117,23 @@ def _read(mech: Mechanism, asked: Any, span: tuple[float, float]) -> list[Switch
     return found
 
 
-def with_instants(times: Array, found: Sequence[Change]) -> tuple[Array, tuple[Change, ...]]:
-    """Compute the times of frames and changes, with changes moved to frames within rounding."""
-    moved: list[Change] = []
+def with_instants(
+    times: Array, found: Sequence[Change], samples: Array
+) -> tuple[Array, tuple[Change, ...], Array]:
+    """Compute the times of frames, changes and samples, which are at frames within rounding."""
     near = ROUNDING * max(float(np.abs(times).max()), 1e-300)
-    for change in found:
-        if change.t < times[-1]:
-            at = float(times[np.abs(times - change.t).argmin()])
-            moved.append(change._replace(t=at) if abs(at - change.t) <= near else change)
-    return np.union1d(times, [change.t for change in moved]), tuple(moved)
+
+    def at_frame(t: float) -> float:
+        k = int(np.searchsorted(times, t))
+        nearest = min(times[max(k - 1, 0) : k + 1].tolist(), key=lambda x: abs(x - t))
+        return nearest if abs(nearest - t) <= near else t
+
+    end = float(times[-1])
+    taken = np.unique([at_frame(t) for t in samples.tolist()])
+    taken = taken[taken < end]
+    times = np.union1d(times, taken)
+    moved = tuple(change._replace(t=at_frame(change.t)) for change in found if change.t < end)
+    return np.union1d(times, [change.t for change in moved]), moved, taken
 
 
 def ever(active: Ints, found: Sequence[Change], waiting: Sequence[ConditionOf] = ()) -> Ints:

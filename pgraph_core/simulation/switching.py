@@ -38,6 +38,7 @@ class Switching:
         record.held = set(record.plan.active.tolist())
         self.since: dict[int, float] = {}  # when constraints were switched last [s]
         self._ahead = deque(record.plan.changes)
+        self._samples = deque[float](record.plan.samples[1:].tolist())
         self.acted: set[int] = set()  # conditions that have switched a constraint
         self._undone: set[int] = set()  # those that did so again where it was switched back
         # [s]: for a motion from rest, the rounding of its position is that of time squared
@@ -58,18 +59,36 @@ class Switching:
             notice = notice if self._redundant else unequal(record.mech, record.active)
             record.ended.notices += [notice] if notice else []
 
+    def _next(self) -> float | None:
+        """Return the time of the next change or sample [s], or None."""
+        due = [change.t for change in self._ahead][:1] + [*self._samples][:1]
+        return min(due, default=None)
+
     def stop_at_next(self) -> None:
-        """Set the loop to stop at the next change or at the end."""
-        times = self.record.plan.times
-        to = times[-1] if not self._ahead else self._ahead[0].t
+        """Set the loop to stop at the next change or sample, or at the end."""
+        times, t = self.record.plan.times, self._next()
+        to = times[-1] if t is None else t
         self.record.steps.end_at(int(np.searchsorted(times, to)) + 1)
 
     def apply_next(self) -> bool:
-        """Apply the next change. Returns False if there is none, or if the run ends."""
-        if not self._ahead or not self._apply(change := self._ahead.popleft()):
+        """Apply the next change, and take the sample at its time, or the next sample.
+
+        Returns False if there is none, or if the run ends.
+        """
+        if (t := self._next()) is None:
             return False
-        together, self._together = self._together, []
-        self.switch_where_true(change.t, together)
+        if sampled := bool(self._samples) and self._samples[0] == t:
+            self._samples.popleft()
+        if changes := bool(self._ahead) and self._ahead[0].t == t:
+            if not self._apply(self._ahead.popleft()):
+                return False
+            together, self._together = self._together, []
+            self.switch_where_true(t, together)
+        if sampled:
+            self.record.take_sample(t)
+            if not changes:
+                self.record.steps.restart()
+                self.stop_at_next()
         return True
 
     def meet(self, t: float, conditions: Sequence[int]) -> None:

@@ -282,14 +282,17 @@ def holding():
     return control
 
 
-def test_a_controller_that_remembers_is_told_with_adaptive_steps_only():
+def test_a_controller_that_remembers_is_told():
+    """Steps of given size call it at four stages each, of which one is ahead."""
+
     def told(tau, **options):
         run = pg.simulate(oscillator(), tau=tau, t_end=0.2, **options)
         return [text for text in run.notices if "remembers" in text]
 
     assert told(holding())
     assert told(holding(), rtol=1e-6)
-    assert not told(holding(), step=1e-3)
+    assert told(holding(), step=1e-3)
+    assert not told(holding(), sample=0.01)
     assert not told(lambda t, q, v: -3.0 * v)
 
 

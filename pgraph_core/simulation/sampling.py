@@ -1,0 +1,78 @@
+"""Torque functions that are called at samples, and whose torques are held in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ..dynamics.arguments import answer_of, of_state
+from ..dynamics.remembering import Calls
+from ..errors import InputError, Problem, shown
+from ..model.settings import MOST_FRAMES
+from ..packing import Array
+from ..tolerances import SOLVED
+from .run_plan import NO_TIMES
+
+
+def refuse_unsampled(tau: Any) -> None:
+    """Raise InputError if `tau` is not a function that can be called at samples."""
+    if callable(tau) and not hasattr(tau, "acting"):
+        return
+    text = f"holds the torques of a function tau=f(t, q, v), got tau={shown(tau)}; "
+    text += "leave it out, or give the function"
+    if tau is None:
+        text += ". A control of a model has its own rate, pg.Sampled(sample=...)"
+    elif hasattr(tau, "acting"):
+        text = "does not apply to a walking controller, which has its own clock; leave it out"
+    raise InputError(Problem("simulate", "sample", text))
+
+
+def samples_of(sample: float | None, step: float, span: tuple[float, float]) -> Array:
+    """Return the times of samples from the start to before the end of a run [s].
+
+    They are multiples of `step`, or of `sample` if that is no multiple of it or steps are chosen
+    (0). Raises InputError if steps are wider, or if there are too many.
+    """
+    if sample is None:
+        return NO_TIMES
+    if sample < step * (1.0 - SOLVED):
+        text = f"{sample:g} s is below the step of the run, {step:g} s; give step={sample:g} or "
+        text += "less, or a longer time between samples"
+        raise InputError(Problem("simulate", "sample", text))
+    count = (span[1] - span[0]) / sample
+    if count > MOST_FRAMES:
+        text = f"{sample:g} s makes {count:.3g} samples of this run, and {MOST_FRAMES} are "
+        text += f"allowed; give {(span[1] - span[0]) / MOST_FRAMES:.2g} or more, or a shorter run"
+        raise InputError(Problem("simulate", "sample", text))
+    k, steps = np.arange(np.ceil(count * (1.0 - SOLVED))), round(sample / step) if step else 0
+    if steps and abs(steps * step - sample) <= SOLVED * step:
+        return span[0] + k * steps * step  # as a Stepper counts them
+    return span[0] + k * sample
+
+
+class Sampled:
+    """A torque function, and the torques of its last sample."""
+
+    def __init__(self, function: Callable[..., Any]):
+        self.function, self.calls = of_state(function), Calls(function)
+        self._t = -np.inf
+        self._torques: Array = NO_TIMES
+
+    def at(self, t: float, q: Array, v: Array) -> Array:
+        """Return the torques (nv,) at t, for which the function is called once.
+
+        Raises InputError if it raises, or if its answer does not fit.
+        """
+        if t != self._t:  # a run may begin again where bodies come close at its start
+            self._torques = answer_of(self.function, t, q.copy(), v.copy()).astype(float)
+            self._t = t
+            self.calls.note(t, q, v, self._torques)
+        return self._torques
+
+    def trouble(self, t: float) -> str:
+        """Return the reason why the last sample gave no torques, or ""."""
+        if np.isfinite(self._torques).all():
+            return ""
+        return f"the function tau returned torques that are not finite, at t = {self._t:.6g} s"
