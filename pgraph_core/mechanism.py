@@ -343,8 +343,8 @@ class Mechanism(Dynamics):
 
         All forces of a run at t = 0 are included, as well as active constraints, joint limits, and
         control states such as the integral of a PID controller. Lagging inputs have reached their
-        values. Contacts, limits of tendons and springs, and cables that do not stretch are ignored,
-        so bodies may end up inside the ground. If all forces are conservative, the energy is
+        values. Tendons and springs rest on their limits, and cables that do not stretch are taut or
+        slack. Contacts exert no force here. If all forces are conservative, the energy is
         minimised, so the result is stable unless q is already an equilibrium.
 
         Parameters
@@ -362,7 +362,8 @@ class Mechanism(Dynamics):
         Raises
         ------
         InputError
-            If no equilibrium is found, or if the model has a sampled control.
+            If no equilibrium is found, if it lies inside a contact, or if the model has a sampled
+            control.
         """
         from .analysis.equilibrium import equilibrium  # compiled for lanes
 

@@ -17,17 +17,16 @@ from ..engine.compiler.jit import ready
 from ..engine.records import CREEP
 from ..engine.tree import slopes as kernels
 from ..errors import InputError, Problem, shown
-from ..fields import GROUND
-from ..forces import LOADS, ends_of
-from ..forces.path import points_of
+from ..forces import LOADS
 from ..joints import SIZE
-from ..model import Contact, Force, Spring, Tendon
+from ..model import Contact, Force
 from ..packing import Array, Drives, Ints, Loads
-from ..packing.forces import NO_LOADS, length_at, terms_of
+from ..packing.forces import NO_LOADS
 from ..tolerances import EPS, NOTABLE, ROUNDING, SOLVED
 from .assembly import assemble
 from .mobility import complement, judged
 from .rows import Rows
+from .stops import Stops
 
 SETTLING = 20  # rounds of Newton's method for states of controls
 
@@ -37,10 +36,21 @@ class Balance:
 
     touching: Touching | None = None  # contacts, where they act
 
-    def __init__(self, mech: Dynamics, q: Array, v: Array, scenario: str | None = None):
-        """Set up a separate scene at rest, so that forces acting in runs also act here at t = 0."""
+    def __init__(
+        self,
+        mech: Dynamics,
+        q: Array,
+        v: Array,
+        scenario: str | None = None,
+        also: Ints = NO_CONSTRAINTS,
+    ):
+        """Set up a separate scene at rest, so that forces acting in runs also act here at t = 0.
+
+        `also` are indices of constraints that hold beside the active ones.
+        """
         self.mech, self.q, self.v = mech, q, v
         self.forces, self.active = acting(mech, scenario)
+        self.active = np.union1d(self.active, also)
         packed = mech.packed
         for control, _, own in mech.model.states:
             if own.sample:
@@ -440,29 +450,6 @@ def _moved(mech: Dynamics, q: Array, e: Array, distance: float) -> Array:
 DEPTHS = (0.1, 1e-2, 1e-3)  # steps of finite differences relative to the least depth
 
 
-def length_of(mech: Dynamics, f: Force, q: Array) -> float:
-    """Return the length bounded by a tendon or spring [m, rad]."""
-    if isinstance(f, Spring):
-        return float(np.linalg.norm(between(mech, f, q)[0]))
-    assert isinstance(f, Tendon)
-    return length_at(terms_of(f, mech.topology, mech.packed.system), q)
-
-
-def between(mech: Dynamics, f: Spring, q: Array) -> tuple[Array, Array]:
-    """Compute the vector between the two ends of a spring (3,) [m] and its derivative with respect
-    to v (3, nv)."""
-    own, other = points_of(f, mech.model.body(f.body))
-    apart, slopes = np.zeros(3), np.zeros((3, mech.nv))
-    for sign, name, point in ((1.0, f.body, own), (-1.0, f.other, other)):
-        if name == GROUND:
-            apart += sign * np.array(point)
-            continue
-        place, turn = mech.pose(q, name)
-        apart += sign * (place + turn @ np.array(point))
-        slopes += sign * mech.jacobian(q, name, point)[3:]
-    return apart, slopes
-
-
 class Touching:
     """The closed contacts at the state (q, v) at which a run starts."""
 
@@ -481,6 +468,7 @@ class Touching:
         self.mech, (q, v), self.own = mech, state, own
         self.shut: list[str] = []  # names of closed rigid contacts and limits, for sentences
         self.depth = 0.0  # least depth of a soft or penalty contact [m], 0 if none pushes
+        self.overlaps: dict[str, float] = {}  # the largest depth of each contact that overlaps [m]
         self._limits(q)
         tables = contact_tables(mech.packed, contacts) if contacts else None
         if tables is None or not tables.touches:
@@ -499,6 +487,9 @@ class Touching:
         depths = []
         for one in touching.found[: kernels.find(address, reach, 0)]:
             contact = tables.touches[int(one["pair"])].contact
+            if (depth := -float(one["gap"])) > reach:
+                name = contact.name
+                self.overlaps[name] = max(depth, self.overlaps.get(name, 0.0))
             if contact.law == "complementarity":
                 if one["gap"] <= reach and (name := f"contact '{contact.name}'") not in self.shut:
                     self.shut.append(name)
@@ -519,14 +510,8 @@ class Touching:
                 if below or (high is not None and q[at] >= high - SOLVED):
                     self.shut.append(f"the limit of joint '{name}'")
                 at += SIZE[kind][0]
-        for f in self.mech.model.forces:
-            low, high = ends_of(f)
-            if low is None and high is None:
-                continue
-            length = length_of(self.mech, f, q)
-            below = low is not None and length <= low + SOLVED
-            if below or (high is not None and length >= high - SOLVED):
-                self.shut.append(f"the limit of {f.kind} '{f.name}'")
+        stops = Stops(self.mech)
+        self.shut += [stops.all[n].label for n in stops.reached(q)]
 
     def torque(self, q: Array, v: Array) -> Array:
         """Return τ (nv,) of soft and penalty contacts, computed as M times their part of v'."""

@@ -14,13 +14,14 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..dynamics import Dynamics
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
 from ..engine import motion
 from ..errors import InputError, Problem, choices, shown
 from ..forces import BetweenPoints
-from ..model import Cable, Wrench
+from ..model import Wrench
 from ..packing import Array, Drives
 from ..tolerances import (
     DIFFERENCED,
@@ -32,38 +33,98 @@ from ..tolerances import (
     SUFFICIENT_DECREASE,
 )
 from .assembly import Configuration, assemble
-from .balance import Balance, state_of
+from .balance import Balance, Touching, state_of, touching
 from .inverse import bounds, single
 from .rows import apart
+from .stops import Stops
 
 BALANCE_ROUNDS = 300
+ROUNDS_OF_STOPS = 8  # searches for each bound of a force, enough to hold and release it three times
 STEP_HALVINGS = 40
 
 
 def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Configuration:
-    """Compute the equilibrium q (nq,) near q. See `Mechanism.equilibrium`."""
+    """Compute the equilibrium q (nq,) near q. See `Mechanism.equilibrium`.
+
+    A bound of a force that the search reaches holds as a constraint, until it would have to pull
+    (the active sets of Nocedal and Wright, section 16.5).
+    """
     q, _ = state_of(mech, q, None, scenario)
-    here = Place(mech, q, np.zeros(mech.nv), scenario)
-    low, high = bounds(mech)
-    search = _Search(here, low, high)
-    if len(here.s):
-        found = search.balanced()
-    elif here.has_energy:
-        found = search.downhill()
-    else:
-        found = search.along_the_forces() or _Search(here, low, high).balanced()
-    if found is not None:
-        return found.q.view(Configuration)
-    push = search.best.M @ search.best.free @ search.slope(search.best, search.best.free)
+    stops = Stops(mech)
+    start = here = _assembled(stops, q, scenario, held := stops.passed(q))
+    for _ in range(ROUNDS_OF_STOPS * (1 + len(stops.all))):
+        search = _Search(here, *bounds(mech), stops, held)
+        found = search.found()
+        added = stops.passed(found.q) - held if found else search.reached
+        pulling = _pulling(stops, found, search.held, held) if found and not added else held - held
+        if not added and not pulling:
+            break
+        held = (held | added) - pulling
+        here = _assembled(stops, search.here.q, scenario, held)
+    if found is None or added or pulling:
+        raise _unbalanced(search.best)
+    _refuse_overlaps(stops.mech, start, found, scenario)
+    return found.q.view(Configuration)
+
+
+def _refuse_overlaps(mech: Dynamics, start: Place, found: Place, scenario: str | None) -> None:
+    """Refuse an equilibrium that lies deeper in a contact than the start."""
+    if not (contacts := touching(mech, scenario)):
+        return
+    at_start, at_end = (
+        Touching(mech, contacts, (x.drives, x.loads), (x.q, x.v), x.s).overlaps
+        for x in (start, found)
+    )
+    for name, depth in at_end.items():
+        if depth > at_start.get(name, 0.0) + NOTABLE * start.size:
+            text = f"the forces are balanced only {depth:.3g} m inside contact {shown(name)}, and "
+            text += "contacts do not act here; a state of rest on them is the end of a run, "
+            raise InputError(Problem("equilibrium", "q", f"{text}run.q[-1]"))
+
+
+def _assembled(stops: Stops, q: Array, scenario: str | None, held: frozenset[int]) -> Place:
+    """Return the position nearest to q (nq,) at which these bounds hold."""
+    mech, also = stops.mech, stops.indices(held)
+    here = Place(mech, q, np.zeros(mech.nv), scenario, also)
+    if held:
+        names = [mech.model.constraints[i].name for i in here.active]
+        try:
+            here = here.at(assemble(mech, q, here.v, names)[0], here.v)
+        except InputError:
+            labels = choices([stops.all[n].label for n in sorted(held)])
+            text = f"{labels}: cannot be met {'together ' if len(held) > 1 else ''}near q; start "
+            text += "from another q, or widen a limit"
+            raise InputError(Problem("equilibrium", "q", text)) from None
+    return here
+
+
+def _pulling(
+    stops: Stops, here: Place, limited: NDArray[np.bool_], held: frozenset[int]
+) -> frozenset[int]:
+    """Return the bounds that would have to pull at a row, beside the joint limits that hold."""
+    rows = here.rows
+    both = np.vstack((rows.J, np.eye(here.mech.nv)[limited]))
+    forces = np.linalg.lstsq(both.T, here.pull, rcond=ROUNDING)[0]
+    noise = NOTABLE * float(np.abs(forces).max(initial=0.0))
+    found = set()
+    for n in held:
+        constraint = here.mech.model.constraints[stops.first + n]
+        own = [g.rows for g in rows.groups if g.constraint is constraint]
+        if any((stops.all[n].sign * forces[span] > noise).any() for span in own):
+            found.add(n)
+    return frozenset(found)
+
+
+def _unbalanced(here: Place) -> InputError:
+    """Return the error that no equilibrium was found, where this position has the least forces."""
+    mech = here.mech
+    push = here.M @ here.free @ (here.free.T @ here.pull)
     joint = max(mech.joints, key=lambda name: float(np.abs(push[mech.joints[name].v]).max()))
     left = f"{np.abs(push).max():.3g} (N m or N) remain, most of it in the joint of '{joint}'"
     text = f"no equilibrium was found near q: {left}; add a spring, or start from another q"
-    if slack := [f.name for f in mech.model.forces if isinstance(f, Cable) and f._bounds]:
-        text += f". Cables that do not stretch do not act here: {choices(map(shown, slack))}; give "
-        text += "them a stiffness, or make them ropes among the constraints, which stay taut"
     if mech.model.contacts:
         text += ". Contacts do not act here; a state of rest on them is the end of a run, run.q[-1]"
-    raise InputError(Problem("equilibrium", "q", text))
+    return InputError(Problem("equilibrium", "q", text))
 
 
 class Place(Balance):
@@ -184,18 +245,48 @@ class _Ways(NamedTuple):
 
 
 class _Search:
-    """A search from one position, subject to the joint limits."""
+    """A search from one position, subject to the joint limits.
 
-    def __init__(self, start: Place, low: Array, high: Array):
-        self.here = self.best = start
-        self.low, self.high = low, high
-        self.size = start.force
+    It ends where it reaches a bound of a force that does not hold yet.
+    """
+
+    def __init__(
+        self, start: Place, low: Array, high: Array, stops: Stops, holding: frozenset[int]
+    ):
+        self.low, self.high, self.stops, self.holding = low, high, stops, holding
+        self.reached: frozenset[int] = frozenset()  # the bound at which it has ended
         self.names = [start.mech.model.constraints[i].name for i in start.active]
+        self._begin(start)
+
+    def _begin(self, start: Place) -> None:
+        """Begin at a position, or at the nearest one within the joint limits."""
+        low, high = self.low, self.high
+        self.here = self.best = start
+        self.stop = -1  # the bound that shortened the last step
+        self.size = start.force
         at_q = single(start.rows)
         self.held = (at_q <= low) | (at_q >= high)  # joints that rest on a limit
         self.stopper = -1  # the joint whose limit shortened the last step
         if np.any((at_q < low) | (at_q > high)):
             self.here = self.moved(start, np.clip(at_q, low, high) - at_q)
+            self.held &= self.limited(self.here)
+
+    def found(self) -> Place | None:
+        """Return a position at which the forces are balanced, or None."""
+        here = self.here
+        if len(here.s):
+            return self.balanced()
+        if here.has_energy:
+            return self.downhill()
+        if (found := self.along_the_forces()) or self.reached:
+            return found
+        self._begin(here)
+        return self.balanced()
+
+    def limited(self, here: Place) -> NDArray[np.bool_]:
+        """Return a mask (nv,) of the joints at a limit, to within the solution's tolerance."""
+        at_q, near = single(here.rows), SOLVED * here.reach
+        return (at_q <= self.low + near) | (at_q >= self.high - near)
 
     def slope(self, here: Place, free: Array) -> Array:
         return free.T @ here.pull
@@ -233,16 +324,18 @@ class _Search:
 
     def moved(self, here: Place, step: Array) -> Place:
         """Compute the position after a step, with the loops closed."""
-        q = here.rows.advanced(step)
-        for _ in range(2 if self.names else 0):
-            q, _, _ = assemble(here.mech, q, np.zeros(here.mech.nv), self.names)
-            if not self.held.any():
+        new = here.at(here.rows.advanced(step), here.v)
+        for _ in range(STEP_HALVINGS if self.names else 0):
+            q, _, _ = assemble(here.mech, new.q, np.zeros(here.mech.nv), self.names)
+            new = here.at(q, here.v)
+            at_q = single(new.rows)
+            off = np.clip(at_q, self.low, self.high) - at_q
+            if not (beyond := np.abs(off) > SOLVED * here.reach).any():
                 break
-            new = here.at(q, here.v)  # closing the loops takes held joints off their limits
-            at_q = single(new.rows)[self.held]
-            off = np.clip(at_q, self.low[self.held], self.high[self.held]) - at_q
-            q = new.rows.advanced(new.free @ np.linalg.lstsq(new.free[self.held], off)[0])
-        return here.at(q, here.v)
+            kept = beyond | self.held  # closing the loops takes joints off and beyond their limits
+            ways = new.free @ np.linalg.lstsq(new.free[kept], off[kept], rcond=ROUNDING)[0]
+            new = here.at(new.rows.advanced(ways), here.v)
+        return new
 
     def share(self, step: Array) -> float:
         """Compute the fraction of a step that is short enough and respects the limits."""
@@ -255,12 +348,24 @@ class _Search:
         if len(stopped):
             self.stopper = int(stopped[np.argmin(room[stopped] / np.abs(step[stopped]))])
             most = max(float(room[self.stopper] / abs(step[self.stopper])), 0.0)
+        self.stop = -1
+        for n, (left, slopes) in enumerate(self.stops.rows(self.here.q)):
+            closing = -slopes @ step
+            if n not in self.holding and np.any(hit := (closing > 0.0) & (closing * most > left)):
+                most = max(float(np.min(left[hit] / closing[hit])), 0.0)
+                self.stop, self.stopper = n, -1
         return most if most * longest > ROUNDING else 0.0
 
     def taken(self, new: Place) -> Place:
-        """Accept the position after a step, and hold the joint stopped by its limit."""
+        """Accept the position after a step, and hold the joint stopped by its limit.
+
+        Closing the loops may have taken others off their limits.
+        """
+        self.held &= self.limited(new)
         if self.stopper >= 0:
             self.held[self.stopper] = True
+        passed = self.stops.passed(new.q) - self.holding
+        self.reached = frozenset([self.stop]) if self.stop >= 0 else passed
         return new
 
     # -- with an energy --------------------------------------------------------------------------
@@ -269,6 +374,8 @@ class _Search:
         """Return an energy minimum, the start if it is already an equilibrium, or None."""
         least = np.inf
         for taken in range(BALANCE_ROUNDS):
+            if self.reached:
+                return None
             here, ways = self.here, self.ways()
             self.size = max(self.size, here.force)
             left = ways.left / self.size
@@ -303,7 +410,7 @@ class _Search:
                 new = self.moved(self.here, step)
                 if self.here.rise(new) < -10 * self.here.energy_noise:
                     return self.taken(new)
-                step, self.stopper = step / 2, -1
+                step, self.stopper, self.stop = step / 2, -1, -1
         return None
 
     def lower(self, ways: _Ways) -> Place | None:
@@ -324,7 +431,7 @@ class _Search:
             new = self.moved(self.here, share * step)
             if self.here.rise(new) <= SUFFICIENT_DECREASE * share * promised:
                 return self.taken(new)
-            share, self.stopper = share / 2, -1
+            share, self.stopper, self.stop = share / 2, -1, -1
         return None
 
     # -- with states of controls, or without an energy -------------------------------------------
@@ -336,6 +443,8 @@ class _Search:
         slope. Forces that no step changes may be left, so that a small step alone is no solution.
         """
         for _ in range(BALANCE_ROUNDS):
+            if self.reached:
+                return None
             here, free = self.here, self.free(self.here)
             by_q, by_v, by_s = here.rate_slopes
             slope = np.block(
@@ -373,6 +482,8 @@ class _Search:
         """Follow the force flow to its end, using implicit Euler with increasing step sizes."""
         least, before, h = np.inf, 0.0, 0.0
         for taken in range(BALANCE_ROUNDS):
+            if self.reached:
+                return None
             here, free = self.here, self.free(self.here)
             slope = self.slope(here, free)
             self.size = max(self.size, here.force)

@@ -91,6 +91,17 @@ class Force(OfKinds):
         """Return True if it bounds a length or a sum of coordinates by impulses."""
         return any(end is not None for end in ends_of(self))
 
+    def _stops(self, body_of: Callable[[str], Any]) -> Iterator[tuple[float, dict[str, Any]]]:
+        """Yield a sign, 1 for an upper bound and -1 for a lower one, and the fields of the
+        constraint that holds where the bound acts."""
+        for sign, bound in zip((-1.0, 1.0), ends_of(self)):
+            if bound is not None:
+                yield sign, self._held_at(bound, body_of)
+
+    def _held_at(self, bound: float, body_of: Callable[[str], Any]) -> dict[str, Any]:
+        """Return the fields of the constraint that keeps what `low` and `high` limit at a bound."""
+        raise NotImplementedError
+
     @property
     def _idle(self) -> str:
         """Return the reason why the force has no effect in any motion, or ""."""

@@ -10,6 +10,7 @@ dissipates what it takes from the motion.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from typing import Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
@@ -94,6 +95,14 @@ class Cable(AlongPulleys, OnBody):
     @property
     def _bends(self) -> bool:
         return bool(self.stiffness)
+
+    def _stops(self, body_of: Callable[[str], Any]) -> Iterator[tuple[float, dict[str, Any]]]:
+        """Yield the rope that it is while it is taut, and slides where friction would hold it."""
+        if self._bounds:
+            loose: dict[str, Any] = {"friction": None, "grip": False}
+            through = [p.unchecked_copy(loose) if p.friction else p for p in self.through]
+            fields = {"through": through, "closed": self.closed, "length": self.length}
+            yield 1.0, {"kind": "rope", **fields}
 
 
 class Part(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
@@ -23,7 +24,7 @@ from .base import (
     refuse_crossed_ends,
     row,
 )
-from .path import BetweenPoints, on_path, pack_points
+from .path import BetweenPoints, on_path, pack_points, points_of
 
 
 class Spring(BetweenPoints, Sprung):
@@ -64,6 +65,11 @@ class Spring(BetweenPoints, Sprung):
             text += "'value': [0, 0, 1e5]} for at most 1 m"
             refuse([(name, text) for name in limited])
         return self
+
+    def _held_at(self, bound: float, body_of: Callable[[str], Any]) -> dict[str, Any]:
+        own, other = points_of(self, body_of(self.body))
+        ends = {"body": self.body, "point": own, "other": self.other, "other_point": other}
+        return {"kind": "distance", **ends, "length": bound}
 
 
 def pack(f: Spring, one: Any, at: Places) -> Array | None:

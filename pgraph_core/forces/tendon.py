@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal, Self
+from collections.abc import Callable
+from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
@@ -43,3 +44,6 @@ class Tendon(OnSum, Force):
     def _possible(self) -> Self:
         refuse_crossed_ends(self)
         return self
+
+    def _held_at(self, bound: float, body_of: Callable[[str], Any]) -> dict[str, Any]:
+        return {"kind": "coupling", "coefficients": self.coefficients, "value": bound}

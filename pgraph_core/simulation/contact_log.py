@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..analysis.balance import between, length_of
 from ..analysis.singular import holding
 from ..contact.tables import ContactPair, Tables, pull_of
 from ..dynamics.scene import Scene
@@ -305,16 +304,16 @@ def limits_passed(mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Ar
         if limit is not None:
             gap = limit.gap(q)
         else:
-            lengths = [length_of(mech, spring, one) for one in q]
-            gap = np.copysign(lengths, values[at.VALUE]) - values[at.VALUE]
+            k = mech.path_names.index(spring.name)
+            gap = np.copysign(mech.path_length(q)[:, k], values[at.VALUE]) - values[at.VALUE]
         passed = np.flatnonzero(gap < -VISIBLE * values[at.SIZE])
         if len(passed):
             i, deepest = int(passed[0]), float(-gap.min())
             if limit is not None:
                 way, body = limit.slope(mech.nv), _of(mech, int(limit.at_v[0]))
             else:
-                apart, slopes = between(mech, spring, q[i])
-                way, body = np.copysign(1.0, values[at.VALUE]) * apart @ slopes, spring.body
+                arms, body = mech.moment_arms(q[i])[k], spring.body
+                way = -np.copysign(1.0, values[at.VALUE]) * arms
             by = _by(holding(mech, active, float(t[i]), q[i], way), body, f"limit '{name}'")
             text = (
                 f"at t = {t[i]:.6g} s limit '{name}' is exceeded by up to {deepest:.3g} rad or m: "

@@ -290,11 +290,6 @@ def test_a_damped_cable_that_lengthens_from_its_rest_pulls_at_once(x):
     assert run.vdot[0, 0] == pytest.approx(-5 * along**2, rel=1e-12)
 
 
-def test_an_equilibrium_names_the_cables_that_do_not_act():
-    mech = pg.Mechanism(atwood(grip=False, cable=pg.Cable))
-    assert_names(str(refusal(mech.equilibrium)), "'rope'", "stiffness", "ropes")
-
-
 def test_stretch_of_a_rope_is_led_to_a_cable():
     for name in ("stiffness", "damping", "tension"):
         assert_names(str(refusal(partial(atwood, **{name: 10.0}))), name, "pg.Cable")
