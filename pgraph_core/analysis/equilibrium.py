@@ -52,19 +52,20 @@ def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Config
     q, _ = state_of(mech, q, None, scenario)
     stops = Stops(mech)
     start = here = _assembled(stops, q, scenario, held := stops.passed(q))
+    search = _Search(here, *bounds(mech), stops, held)
     for _ in range(ROUNDS_OF_STOPS * (1 + len(stops.all))):
-        search = _Search(here, *bounds(mech), stops, held)
         found = search.found()
         added = stops.passed(found.q) - held if found else search.reached
         pulling = _pulling(stops, found, search.held, held) if found and not added else held - held
         if not added and not pulling:
-            break
+            if found is None:
+                break
+            _refuse_overlaps(stops.mech, start, found, scenario)
+            return found.q.view(Configuration)
         held = (held | added) - pulling
         here = _assembled(stops, search.here.q, scenario, held)
-    if found is None or added or pulling:
-        raise _unbalanced(search.best)
-    _refuse_overlaps(stops.mech, start, found, scenario)
-    return found.q.view(Configuration)
+        search = _Search(here, *bounds(mech), stops, held)
+    raise _unbalanced(search.best)
 
 
 def _refuse_overlaps(mech: Dynamics, start: Place, found: Place, scenario: str | None) -> None:
