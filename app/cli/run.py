@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.errors import FileError, Problem, percent
+from pgraph_core.errors import FileError, Problem, needed, percent
 from pgraph_core.model.files import write_atomic
+from pgraph_core.result.logs import NEEDED
 
 from .terminal import (
     MODEL,
@@ -43,7 +44,12 @@ SHOWN = 12  # rows of a sweep's table that are printed
     "simulate; print status, error estimate, energy and cost",
     *MODEL,
     *RUN,
-    takes("-o", "--output", metavar="FILE", help="write the run to FILE: .npz, .csv or .html"),
+    takes(
+        "-o",
+        "--output",
+        metavar="FILE",
+        help="write the run to FILE: .npz, .csv, .mat, .mcap, .rrd or .html",
+    ),
 )
 def run(args: Namespace) -> Answer:
     _writable(args.output)
@@ -69,10 +75,14 @@ def run(args: Namespace) -> Answer:
 
 
 def _writable(output: str | None) -> None:
-    """Check the output path in advance. Raises FileError if the suffix is unknown."""
-    if output and not output.lower().endswith((".npz", ".csv", ".html")):
-        text = "must end in .npz (the whole run), .csv (a table) or .html (a figure that plays it)"
-        raise FileError(Problem(output, "", text))
+    """Check the output path in advance. Raises FileError, MissingPackage."""
+    suffix = Path(output).suffix.lower() if output else ".npz"
+    if suffix not in (".npz", ".csv", ".mat", ".mcap", ".rrd", ".html"):
+        text = "must end in .npz (the whole run), .csv or .mat (tables), .mcap or .rrd (logs) or "
+        text += ".html (a figure that plays it)"
+        raise FileError(Problem(str(output), "", text))
+    if suffix in NEEDED:
+        needed(*NEEDED[suffix])
 
 
 def facts(result: pg.Result) -> dict[str, Any]:

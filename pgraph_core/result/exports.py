@@ -228,12 +228,16 @@ class Exports:
             A `.npz` file contains the run with its model, and meshes from other folders are copied
             to `meshes` next to it. A `.csv` file is a table. A `.mat` file (MATLAB, Octave) has one
             variable per column, with `_` in place of characters other than letters and digits, and
-            the lists `names` and `units`.
+            the lists `names` and `units`. An `.mcap` file (Foxglove) and an `.rrd` file (Rerun)
+            have the poses and shapes of all bodies, all columns and the events
+            (docs/files_of_others.md).
 
         Raises
         ------
         FileError
             If the file cannot be written or has another suffix.
+        MissingPackage
+            If the package that an `.mcap` or `.rrd` file needs is not installed.
         """
         suffix = Path(path).suffix.lower()
         if suffix == ".csv":
@@ -242,11 +246,32 @@ class Exports:
         if suffix == ".mat":
             write_atomic(path, matlab(columns_of(self)))
             return
+        if suffix in (".mcap", ".rrd"):
+            from . import logs
+
+            write_atomic(path, logs.mcap_of(self) if suffix == ".mcap" else logs.rrd_of(self))
+            return
         if suffix != ".npz":
-            text = "must end in .npz (the whole run), .csv or .mat (tables); to_html makes a "
-            text += "figure, to_film a film"
+            text = "must end in .npz (the whole run), .csv or .mat (tables), .mcap or .rrd (logs); "
+            text += "to_html makes a figure, to_film a film"
             raise FileError(Problem(str(path), "", text))
         write_atomic(path, file_of(self, Path(path).parent))
+
+    def to_rerun(self) -> Any:
+        """Return the run as a `rerun.RecordingStream`, with the content of an `.rrd` file.
+
+        Raises
+        ------
+        MissingPackage
+            If Rerun is not installed.
+
+        Examples
+        --------
+            run.to_rerun().spawn()  # in its viewer
+        """
+        from . import logs
+
+        return logs.rerun_of(self)
 
     @classmethod
     def load(cls, path: str | Path, /, *, roots: Iterable[str | Path] = ()) -> Self:
