@@ -5,13 +5,15 @@ pgraph.svg = (tag, attributes = {}, ...children) => {
   el.append(...children);
   return el;
 };
-// Lines over one axis, each {t, y, style, dots}, in a picture that is as wide as its place; `zero`: the axis is in it.
+// Lines over one axis, each {t, y, style, dots} and, with a band about it, {low, high}, in a picture that is as wide as its place; `zero`: the axis is in it.
 // The ends of both axes stand next to it with `axes`, in the `unit` of what is over it.
 // Its `pgraphMark` shows where something is now, on the axis [t] or at a point [t, y], or takes the mark away.
 pgraph.chart = (label, lines, zero = false, axes = zero, unit = " s") => {
   const W = 1000,
     H = 1000,
-    all = lines.flatMap(({ y }) => y).concat(zero ? [0] : []),
+    all = lines
+      .flatMap(({ y, low, high }) => [...y, ...(low ?? []), ...(high ?? [])])
+      .concat(zero ? [0] : []),
     times = lines.flatMap(({ t }) => [t[0], t.at(-1)]);
   const [bottom, top, first, last] = [
       Math.min(...all),
@@ -30,6 +32,11 @@ pgraph.chart = (label, lines, zero = false, axes = zero, unit = " s") => {
       style,
       d: t.map((x, i) => `${dots || !i ? "M" : "L"}${at(x, y[i])}${dots ? "h0" : ""}`).join(""),
     });
+  const band = ({ t, low: under, high: over }) =>
+    pgraph.svg("path", {
+      class: "band",
+      d: `M${[...t.map((x, i) => at(x, over[i])), ...t.map((x, i) => at(x, under[i])).reverse()].join("L")}Z`,
+    });
   const picture = pgraph.svg(
     "svg",
     {
@@ -40,6 +47,7 @@ pgraph.chart = (label, lines, zero = false, axes = zero, unit = " s") => {
       "aria-label": label,
     },
     ...(zero ? [pgraph.svg("path", { class: "zero", d: `M${at(first, 0)}L${at(last, 0)}` })] : []),
+    ...lines.filter((one) => one.low).map(band),
     ...lines.map(line),
   );
   picture.pgraphMark = (now) => {

@@ -216,10 +216,9 @@ class Play(FromPage):
     def applied(self, state: State) -> State:
         if state.going is not None:
             return at_its_end(state, replace(state.going, running=True))
-        if state.run is None and state.model.bodies:
-            return Simulate(self.client).applied(state)
         if state.t_end <= state.t_start:
-            return state
+            known = state.run is not None or not state.model.bodies
+            return state if known else Simulate(self.client).applied(state)
         again = state.playback.time >= state.t_end
         return at(state, state.t_start if again else state.playback.time, True)
 

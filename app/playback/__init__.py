@@ -49,13 +49,9 @@ class StepFrames(FromPage):
     frames: Annotated[int, Field(ge=-1000, le=1000)]
 
     def applied(self, state: State) -> State:
-        if state.live is not None:
-            times = sorted({float(t) for part in state.live.parts for t in part.t})
-        elif state.run is not None and state.t_end > state.t_start:
-            times = [float(t) for t in state.run.result.t]
-        else:
+        times, time = state.instants, state.playback.time
+        if state.going is None and len(times) < 2:
             return state
-        time = state.playback.time
         if times:
             now = min(range(len(times)), key=lambda k: abs(times[k] - time))
             time = times[min(max(now + self.frames, 0), len(times) - 1)]

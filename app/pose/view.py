@@ -74,10 +74,12 @@ def turned(angle: float) -> str:
 
 
 def shows(state: State) -> str:
-    """Return the source of the pose shown by the sliders: the model, the run or manual input."""
+    """Return the source of the pose shown by the sliders: model, run, trial or manual input."""
     time = shown_time(state)
     if time is not None:
         return f"run at {time:.3f} s"
+    if state.pose is not None and state.pose is not state.posed:
+        return f"trial at {state.playback.time:.3f} s"
     return "posed by hand" if state.pose is not None else "initial pose"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Self, TypeVar
 
@@ -237,6 +238,23 @@ class State(state.State):
         if self.live is not None:
             return float(self.live.parts[0].t[0]) if self.live.parts else 0.0
         return float(self.run.result.t[0]) if self.run is not None else 0.0
+
+    @property
+    def instead(self) -> str:
+        """The name of the trial that is played in place of a run, or ""."""
+        return ""
+
+    @property
+    def travels(self) -> np.ndarray:
+        """An array (3,) with 1 for each axis along which the played motion travels, else 0."""
+        return np.zeros(3) if self.run is None else self.run.travels
+
+    @property
+    def instants(self) -> Sequence[float]:
+        """The recorded times of the run to play [s]."""
+        if self.live is not None:
+            return sorted({float(t) for part in self.live.parts for t in part.t})
+        return () if self.run is None else np.asarray(self.run.result.t).tolist()
 
     @property
     def moves(self) -> bool:

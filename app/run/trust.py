@@ -46,6 +46,8 @@ def trust(
         )
     if kernels is not None:
         return _told("busy", "Preparing", kernels["text"], fraction=kernels["fraction"])
+    if state.instead:
+        return _told("", "Motion capture", f"Play shows {state.instead}.")
     if run is None:
         why = f"Play computes {state.request.t_end:g} s of motion." if state.model.bodies else ""
         return _told("", "No run yet", why)

@@ -20,7 +20,7 @@ from . import FREE_RUN, Request, Run, State
 from .footfalls import prints
 from .trust import drift, outcome, supported, trust
 
-PARTS = ("derived", "request", "last_run", "job", "runs", "run_problem", "kernels")
+PARTS = ("derived", "request", "last_run", "job", "runs", "run_problem", "kernels", "instead")
 
 
 def run(state: State) -> Payload:

@@ -256,9 +256,9 @@ def travelled(state: State) -> np.ndarray:
     if state.live is not None:
         free = any(body.floats for body in state.model.bodies)
         return free * (1.0 - np.array(GRID[state.model.up][1]))
-    if state.run is None or state.pose is not None:
+    if state.pose is not None and state.pose is state.posed:
         return np.zeros(3)
-    return state.run.travels
+    return state.travels
 
 
 def followed(state: State) -> tuple[float, float, float]:

@@ -70,7 +70,7 @@
         { className: "search-body" },
         make(
           "div",
-          {},
+          { className: "steps" },
           step(
             "Aim",
             make(

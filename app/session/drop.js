@@ -1,7 +1,8 @@
-// Files: a model or a zip of one dropped anywhere on the page is opened, a mesh becomes the shape of
-// the selected bodies; the questions of toolbar and properties read files the same way.
+// Files: a model or a zip of one dropped anywhere on the page is opened, a trial of motion capture is
+// laid over the model, a mesh becomes the shape of the selected bodies; the questions of toolbar and properties read files the same way.
 pgraph.files = (() => {
   const LARGEST = { json: 8e6, zip: 12e6, mesh: 10e6 }; // [bytes]
+  const TRIAL = /\.(trc|c3d|mot|sto|csv)$/i;
   const MESH = /\.(stl|obj|ply|off|glb|dae)$/i;
   let over = null,
     archive = null; // what a drop brings; the last zip that was sent
@@ -34,6 +35,10 @@ pgraph.files = (() => {
       mesh(file, pgraph.latest.selected ?? []);
       return;
     }
+    if (TRIAL.test(file.name)) {
+      trial(file);
+      return;
+    }
     const zip = /\.zip$/i.test(file.name);
     const found = await (zip
       ? content(file, "zip", "base64", "a model with its meshes")
@@ -46,6 +51,13 @@ pgraph.files = (() => {
   const member = (file, name) => {
     if (archive?.name === file) pgraph.send("OpenArchive", { ...archive, member: name });
   };
+
+  async function trial(file) {
+    const found = await content(file, "zip", "base64", "a trial");
+    if (found === undefined) return;
+    pgraph.front("Capture");
+    pgraph.send("OpenTrial", { name: file.name, content: found });
+  }
 
   async function mesh(file, bodies) {
     if (!bodies.length) {
@@ -66,7 +78,8 @@ pgraph.files = (() => {
     over ??= document.body.appendChild(
       pgraph.make("div", {
         className: "pgraph pgraph-drop",
-        textContent: "Drop a model to open it, or a mesh for the selected body",
+        textContent:
+          "Drop a model to open it, a trial of motion capture, or a mesh for the selected body",
       }),
     );
   }
@@ -90,5 +103,5 @@ pgraph.files = (() => {
     }
     read(files[0]);
   });
-  return { read, mesh, member };
+  return { read, mesh, member, trial };
 })();

@@ -95,8 +95,7 @@ class Markers:
         if not isinstance(trial, Trial):
             text = f"must be a trial, as of pg.read_trial(path), got {shown(trial)}"
             raise refusal("track", "trial", text)
-        up = mech.model.up.lstrip("+-")
-        trial = trial.with_up(up) if up in ("x", "y", "z") else trial
+        trial = trial.with_up(mech.model.up)
         sites = {s.name: s for s in mech.model.sites}
         weights, labels = dict(weights or {}), dict(labels or {})
         for field, names in (("weights", weights), ("markers", labels)):

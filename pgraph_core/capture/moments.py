@@ -31,6 +31,7 @@ from .tracking import Tracking, to_csv
 from .trial import Array, Plate, Trial, known
 
 WIDE = NormalDist().inv_cdf(0.975)  # standard errors of a 95 % band
+AUTO = "auto"  # the body that is nearest to a plate while it is loaded
 BESIDE = 1  # [Hz] by which the cut-off of the band differs
 
 
@@ -130,8 +131,9 @@ def joint_moments(
     fit : Tracking or Trial
         The motion: of `pg.track`, or of a trial with columns of coordinates.
     plates : "auto" or dict
-        Bodies that plates bear, {"plate 1": "foot_r"}. By default, each loaded spell of a plate
-        belongs to the body whose sites, or tip, are nearest to the centre of pressure meanwhile.
+        Bodies that plates bear, {"plate 1": "foot_r", "plate 2": "auto"}. By default, "auto", each
+        loaded spell of a plate belongs to the body whose sites, or tip, are nearest to the centre
+        of pressure meanwhile. Plates that a dict does not name bear nobody.
     cutoff : float, optional
         Cut-off frequency of the filter [Hz], by default 6 Hz; float("inf") for none. A smoothed
         motion is not filtered by default.
@@ -319,32 +321,33 @@ def _borne(
 ) -> dict[str, Array]:
     """Return the index of the body that each plate bears in each frame, -1 without load."""
     there = {p.name: p for p in trial.plates}
-    given = {} if plates == "auto" else plates
+    given = dict.fromkeys(there, AUTO) if plates == AUTO else plates
     if not isinstance(given, Mapping):
         text = f"must be 'auto' or a dict such as {{'plate 1': 'foot_r'}}, got {shown(plates)}"
         raise refusal("joint_moments", "plates", text)
     for name, body in given.items():
         known("joint_moments", "plates", "plate", name, there)
-        known("joint_moments", "plates", f"body of {name!r}", body, mech.names)
+        if body != AUTO:
+            known("joint_moments", "plates", f"body of {name!r}", body, mech.names)
     if not there:
         report.append("no force plates: the root bears all")
     found: dict[str, Array] = {}
     for name, plate in there.items():
-        if name in given:
-            number = mech.topology.number(given[name]) - 1
-            found[name] = np.full(len(trial.t), number)
-            continue
-        if plates != "auto":
+        if (body := given.get(name)) is None:
             report.append(f"{name} is given no body, and left out")
             continue
-        found[name] = body = np.full(len(trial.t), -1)
+        if body != AUTO:
+            number = mech.topology.number(body) - 1
+            found[name] = np.full(len(trial.t), number)
+            continue
+        found[name] = of = np.full(len(trial.t), -1)
         if not plate.loaded.any():
             continue
         apart = _distances(mech, trial.t, q, plate)
         push = np.linalg.norm(plate.wrench(trial.t)[:, 3:], axis=1)
         for spell in _spells(np.where(np.isfinite(apart).any(axis=1), 0, -1)):
             mean = push[spell] @ np.where(np.isfinite(apart[spell]), apart[spell], np.inf)
-            body[spell] = best = int(np.argmin(mean))
+            of[spell] = best = int(np.argmin(mean))
             nearest = np.nanargmin(apart[spell], axis=1)
             for b in {int(b) for b in nearest} - {best}:
                 share = push[spell][nearest == b].sum() / push[spell].sum()
@@ -352,10 +355,10 @@ def _borne(
                     names = f"{mech.names[b]} as well as {mech.names[best]}"
                     start = float(trial.t[spell[0]])
                     report.append(f"{name} perhaps bears {names}, from {start:.3g} s")
-        spread = np.flatnonzero(body >= 0)  # below the threshold, the last or next body bears it
+        spread = np.flatnonzero(of >= 0)  # below the threshold, the last or next body bears it
         if len(spread):
-            nearest = spread[np.abs(np.arange(len(body))[:, None] - spread).argmin(axis=1)]
-            found[name] = body[nearest]
+            nearest = spread[np.abs(np.arange(len(of))[:, None] - spread).argmin(axis=1)]
+            found[name] = of[nearest]
     return found
 
 

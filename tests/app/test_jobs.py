@@ -3,11 +3,14 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_app.capture import Dynamics, Fit, Fitted, Take
 from pgraph_app.core import jobs
 from pgraph_app.core.jobs import Finder, Finding, Job, Worker, cancelled
+from pgraph_app.model import Found
 from pgraph_app.report import Analysis
 from pgraph_app.run import Kernels, Simulation
 from pgraph_app.search import Search
@@ -19,7 +22,17 @@ GOAL = (
     do.AskSearch(ME, "optimise"), do.SetGoal(ME, 1, "signal", "1"),
     do.FreeNumber(ME, "bodies.1.mass", True),
 )  # fmt: skip
+MODEL = pg.Model.serial(2)
+TRIAL = pg.Trial(t=np.arange(9.0), coordinates={"1": np.zeros(9)})
+TAKE = Take((("trial.csv", b""),), TRIAL)
+MOTION = Fitted(MODEL, TAKE, TRIAL, np.zeros((9, 2)), np.zeros((9, 2, 7)))
+OPEN = (
+    do.OpenTrial(ME, "trial.csv", ""),
+    do.ErrandDone(1, Found(value=(TAKE.files, TRIAL, TAKE.reading))),
+)
 ASK = {
+    Fit: (*OPEN, do.FitPose(ME)),
+    Dynamics: (*OPEN, do.FitPose(ME), do.Done(1, MOTION), do.ComputeMoments(ME)),
     Simulation: (do.Simulate(ME),), Analysis: (do.Analyse(ME, "precision"),),
     Search: (*GOAL, do.StartSearch(ME)),
 }  # fmt: skip
@@ -27,7 +40,7 @@ every = pytest.mark.parametrize("kind", ASK)
 
 
 def asked(kind, compiled=True):
-    state = after(begun(pg.Model.serial(2), compiled=compiled), *ASK[kind])
+    state = after(begun(MODEL, compiled=compiled), *ASK[kind])
     assert isinstance(getattr(state, kind.FIELD), kind)
     return state
 

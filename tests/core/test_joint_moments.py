@@ -116,6 +116,11 @@ def test_a_plate_bears_the_foot_that_is_near_while_it_is_loaded():
                              plates={"p": "right"})  # fmt: skip
     assert not other.external[:, 0].any()
     assert np.allclose(other.external[25, 1, 3:], [0, 0, 700])
+    both = pg.joint_moments(
+        mech, tracking(mech, t, q, plates=[plate(name, t, wrench, 2) for name in "ab"]),
+        plates={"a": "right", "b": "auto"},
+    )  # fmt: skip
+    assert np.array_equal(both.external, loads.external + other.external)
 
 
 def test_a_plate_that_bears_two_feet_is_named():
