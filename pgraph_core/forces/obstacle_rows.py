@@ -440,7 +440,22 @@ class Past(NamedTuple):
     free: bool  # True if the path does not touch the obstacle
     first: Array  # (3,) points at which it touches the obstacle, or its middle
     last: Array
-    arc: Array  # (n, 3) points along the obstacle from the first to the last
+    via: Any  # record VIA of the obstacle
+    start: Array  # direction in which the path begins to lie on it
+    along: float  # length on it [m]
+
+    @property
+    def arc(self) -> Array:
+        """Points (n, 3) along the obstacle from the first to the last."""
+        if self.free or self.via["sided"] == THROUGH:
+            return self.first[None]
+        centre, begin = self.via["point"], self.first - self.via["point"]
+        if self.via["shape"] == ELLIPSOID:
+            own = self.via["axes"].reshape(3, 3)
+            arc = geodesic(self.via["radii"], begin @ own, self.start @ own, self.along) @ own.T
+            return np.concatenate((centre + arc, self.last[None]))
+        sizes = self.via["radius"], self.via["axis"]
+        return centre + arc_of(*sizes, self.start, begin, self.along)
 
 
 def past_obstacles(
@@ -466,14 +481,5 @@ def past_obstacles(
 def _part(via: Any, out: Array, ends: tuple[Array, Array]) -> Past:
     """Return the part of a path past an obstacle, given the row of `path_over` and its ends."""
     free, length, (start, first, last, _) = bool(out[0]), float(out[1]), out[2:].reshape(4, 3)
-    if free or via["sided"] == THROUGH:
-        return Past(length, free, first, last, first[None])
-    a, b = ends
-    along = length - float(np.linalg.norm(first - a) + np.linalg.norm(last - b))
-    centre = via["point"]
-    if via["shape"] == ELLIPSOID:
-        own = via["axes"].reshape(3, 3)
-        arc = geodesic(via["radii"], (first - centre) @ own, start @ own, along) @ own.T
-        return Past(length, False, first, last, np.concatenate((centre + arc, last[None])))
-    arc = centre + arc_of(via["radius"], via["axis"], start, first - centre, along)
-    return Past(length, False, first, last, arc)
+    along = length - float(np.linalg.norm(first - ends[0]) + np.linalg.norm(last - ends[1]))
+    return Past(length, free, first, last, via, start, along)
