@@ -116,3 +116,54 @@ def test_a_choice_that_may_be_left_out_can_be_taken_back():
     assert [value for value, _ in shown["options"]] == ["", "elastic", "rigid"]
     assert edited(state, "tendon", "").model.forces[0].tendon is None
     assert "model" in reply(edited(state, "model", ""))
+
+
+def curves(state):
+    """Return the pictures of a path by their labels."""
+    (item,) = (
+        one for one in constraints(state, state.clients[ME])["lists"][2]["items"] if one["form"]
+    )
+    groups = {one["title"]: one for one in item["form"]}
+    found = groups.get("Length and moment arm", {"fields": []})
+    return {f["label"]: f["curve"] for f in found["fields"] if "curve" in f}
+
+
+def with_path(**fields):
+    """A muscle past two hinges, with a point that counts in a range of the first one."""
+    links = [
+        pg.Body(name=name, parent=parent, link=link, mass=1, inertia=(1, 1, 1), limits=((-1, 1),))
+        for name, parent, link in (
+            ("arm", "ground", (0, 0, 0)), ("hand", "arm", (0.3, 0, 0)), ("aside", "arm", (0, 0, 1))
+        )
+    ]  # fmt: skip
+    given = {"f_max": 100, "l_opt": 0.2, "l_slack": 0.1, "point": (0.1, 0.05, 0)}
+    muscle = pg.Muscle(name="m", body="hand", other_point=(-0.1, 0.1, 0), **{**given, **fields})
+    return after(begun(pg.Model(bodies=links, forces=[muscle])), do.OpenPart(ME, "forces", "m"))
+
+
+def test_the_pictures_show_the_length_and_its_slope_over_each_joint_that_moves_it():
+    found = curves(with_path())
+    assert list(found) == ["Over arm", "Over hand"]
+    for picture in found.values():
+        length, arm = picture["lines"]
+        x, y = np.array(length["t"]), np.array(length["y"])
+        assert (x[0], x[-1]) == (-1.0, 1.0)
+        slope = np.gradient(y, x)[1:-1]
+        np.testing.assert_allclose(arm["y"][1:-1], -slope, rtol=0, atol=1e-3 * np.ptp(y))
+        assert length["dots"] is None
+
+
+def test_a_jump_of_a_length_is_marked_in_its_picture():
+    ranged = pg.Via(
+        body="arm", point=(0.1, 0.3, 0), when=pg.Within(body="hand", low=-0.5, high=4.0)
+    )
+    found = curves(with_path(via=[ranged]))
+    length, _ = found["Over hand"]["lines"]
+    assert length["dots"]["t"] == [-0.5]
+    assert found["Over arm"]["lines"][0]["dots"] is None
+
+
+def test_a_path_of_constant_length_has_no_picture():
+    assert not curves(with_path(via=[("hand", (0.1, 0, 0))], other="hand", shifts=[
+        pg.Shift(body="aside", along=(1, 0, 0), curve=pg.Polynomial(coefficients=(0.1,)))
+    ]))  # fmt: skip
