@@ -301,7 +301,7 @@ def limits_passed(mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Ar
             continue
         limit = next(limits) if block[at.B_TYPE] != at.T_SPAN else None
         spring: Any = next(springs) if limit is None else None
-        k = -1 if spring is None else mech.path_names.index(spring.name)
+        k = -1 if limit is not None else mech.path_names.index(spring.name)
         if limit is not None:
             gap = limit.gap(q)
         else:
