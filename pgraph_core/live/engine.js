@@ -227,11 +227,15 @@ const pgraphEngine = (() => {
       data.setFloat64(at("times") + 8, end, true);
     }
 
-    // Take `n` of these steps.
+    // Take `n` of these steps. A step that ends at a bend of a force is taken in parts.
     advance(n) {
-      const { header, data } = this;
-      if (header.logged) data.setBigInt64(header.logged, 0n, true);
-      this.checked(this.k.k_advance_run(BigInt(header.run), BigInt(n)));
+      const { header, data } = this,
+        left = () => Number(data.getBigInt64(this.control("left"), true)),
+        goal = left() - n;
+      while (left() > goal) {
+        if (header.logged) data.setBigInt64(header.logged, 0n, true);
+        this.checked(this.k.k_advance_run(BigInt(header.run), BigInt(left() - goal)));
+      }
     }
 
     // The steps that a method chooses, `step` at most, for a run of `span` [s]. Corners of tables from

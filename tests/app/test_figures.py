@@ -1,8 +1,11 @@
 """Living figures: a page that computes by itself what Python computes, bit for bit."""
 
 import contextlib
+import io
 import json
+import runpy
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +20,13 @@ from pgraph_core.live.run import LiveRun, Setup
 from pgraph_core.simulation.paths import Path as Field
 from pgraph_core.simulation.paths import with_numbers
 
+from ..core.test_cables import atwood
 from ..nights import at_night
 from .conftest import UNDRAWN
 
 # After an edit of a kernel the module is of the old one until it is made again (nightly).
 of_these_sources = pytest.mark.skipif(bool(module.stale()), reason=module.stale())
+ROOT = Path(__file__).resolve().parents[2]
 WITHOUT_WALK, WITH_WALK = 1.2e6, 2.5e6  # [bytes] of a page: what issue 19 asks for
 LATER = "document.querySelector('#clock').textContent > '0.10 s'"
 SIMULATE = """async (options) => { try {
@@ -117,6 +122,37 @@ def test_the_page_ends_in_the_same_bits_as_python(case: str, figure: Any) -> Non
         assert got["t"] == run.t[-1]
         for here, there in ((run.q[-1], got["q"]), (run.v[-1], got["v"])):
             np.testing.assert_array_equal(here.view(np.int64), np.array(there).view(np.int64))
+
+
+def example(name: str) -> pg.Model:
+    """The model of the run of an example."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        found = runpy.run_path(str(ROOT / "examples" / f"{name}.py"))
+    return next(x for x in found.values() if isinstance(x, pg.Result)).mechanism.model
+
+
+BENT: dict[str, Callable[[], pg.Model]] = {
+    "cable": lambda: atwood(cable=pg.Cable, stiffness=1e4),
+    "slack": lambda: atwood(cable=pg.Cable),
+    "muscles": lambda: model_of("quadruped_muscles"),
+    **{name: partial(example, name) for name in ("33_followers", "34_hoist", "35_slots")},
+}
+
+
+@of_these_sources
+@pytest.mark.parametrize("case", ["cable", *at_night(*(x for x in BENT if x != "cable"))])
+def test_steps_that_end_at_bends_of_forces_are_whole_steps(case: str, figure: Any) -> None:
+    model = BENT[case]()
+    shown = figure(page(recorded(model, None), []))
+    assert ready(shown) == "live"
+    impulses = "slack" in case or "hoist" in case
+    fixed = {"method": "moreau_jean" if impulses else "rk4", "step": 1e-3}
+    for steps in (fixed, {} if impulses else {"method": "dop853"}):
+        run = pg.simulate(model, t_end=0.3, estimate=False, **steps)
+        got = shown.evaluate(SIMULATE, {"t_end": 0.3, **steps})
+        for here, there in ((run.q[-1], got["q"]), (run.v[-1], got["v"])):
+            same = np.array(there)[: len(here)]  # those of states follow
+            np.testing.assert_array_equal(here.view(np.int64), same.view(np.int64))
 
 
 @of_these_sources
