@@ -118,6 +118,7 @@ if TYPE_CHECKING:
     from .model import Velocity as Velocity
     from .model import Weld as Weld
     from .model import Wrench as Wrench
+    from .model.links import link as link
     from .model.rope import belt as belt
     from .paper import home_poses as home_poses
     from .paper.frame_update import frame_update_trace as frame_update_trace

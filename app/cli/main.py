@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pgraph_models
 from pgraph_core.errors import InputError, PgraphError, Problem, needed, plain
+from pgraph_core.model.links import is_link
 
 from . import capture, models, paths, run, study  # noqa: F401  they make commands
 from .terminal import (
@@ -150,8 +151,8 @@ def start(args: Namespace) -> None:
     from ..server import serve  # here: no other command needs viser
     from ..session.autosave import state_folder
 
-    built_in = args.model in pgraph_models.names()
-    given = args.model if built_in else str(model_path(args.model).resolve())
+    named = args.model in pgraph_models.names() or is_link(args.model)
+    given = args.model if named else str(model_path(args.model).resolve())
     stopped: list[int] = []  # no exception in the middle of the set-up
     signal.signal(signal.SIGINT, lambda number, _: stopped.append(number))
     server = serve(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from argparse import Namespace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core import joints
 from pgraph_core.errors import FileError, ModelError, Problem
+from pgraph_core.model.links import SAFE
 from pgraph_core.packing.cable_lines import led_problems
 from pgraph_core.pulleys import segment_names
 
@@ -48,6 +50,18 @@ def models(args: Namespace) -> Answer:
         header=("model", "bodies", "DoF", "scenarios"),
     )
     return Answer({"models": rows}, table)
+
+
+# -- link ------------------------------------------------------------------------------------------
+
+
+@command("link", "print a link that carries the model", *MODEL)
+def link(args: Namespace) -> Answer:
+    found = pg.link(open_model(args))
+    if len(found) > SAFE:
+        text = f"the link has {len(found)} characters, and many programs cut it above {SAFE}; "
+        print(f"{text}there, send a file", file=sys.stderr)
+    return Answer({"link": found, "characters": len(found)}, found)
 
 
 # -- info ------------------------------------------------------------------------------------------

@@ -21,6 +21,7 @@ from pgraph_core.errors import FileError, InputError, ModelError, Problem, choic
 from pgraph_core.fields import about
 from pgraph_core.markup import content_of, reason_of
 from pgraph_core.model.files import mesh_folder
+from pgraph_core.model.links import is_link
 from pgraph_core.model.settings import Settings
 from pgraph_core.portable import jsonable
 from pgraph_core.study import figures
@@ -86,6 +87,8 @@ def open_model(args: Namespace, *, told: bool = False) -> pg.Model:
     Parts of the file that affect results and are missing or approximated go to stderr, unless the
     command has `told` them itself.
     """
+    if is_link(args.model):
+        return pg.load(args.model)
     path = model_path(args.model)
     if path.suffix.lower() == ".zip":
         read, report = read_file(args)
@@ -101,6 +104,8 @@ def read_file(args: Namespace) -> tuple[pg.Model, pg.Report]:
     """Return (model, report) for a file, an archive or a built-in model. Raises PgraphError."""
     from pgraph_core.formats import read_model  # other formats need kernels
 
+    if is_link(args.model):
+        return read_model(args.model)
     path = model_path(args.model)
     if path.suffix.lower() != ".zip":
         return read_model(path, roots(args), dict(args.argument))

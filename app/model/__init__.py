@@ -19,7 +19,7 @@ from pgraph_core.errors import choices, counted
 from pgraph_core.file_kinds import HEAD, first_element
 from pgraph_core.formats import READERS, ROOTS, SAVED
 from pgraph_core.mesh_files import load_mesh
-from pgraph_core.model import files
+from pgraph_core.model import files, links
 from pgraph_core.model.checks import PARTS
 
 from .. import run
@@ -219,6 +219,18 @@ class OpenText(FromPage):
         return sent(state, self.client, "open", work, file=name, apart=True)
 
 
+class OpenLink(FromPage):
+    """Open the model that a link carries."""
+
+    link: Annotated[str, Field(max_length=2 * links.MOST)]
+
+    def applied(self, state: State) -> State:
+        try:
+            return shown_model(state, self.client, "The link", links.linked(self.link))
+        except pg.PgraphError as error:
+            return shown_model(state, self.client, "The link", None, str(error))
+
+
 def _found_in_text(name: str, content: str, _: Any) -> Found:
     """Parse the model in a text. Raises PgraphError, Refusal."""
     if _is_foreign(name, content):
@@ -383,6 +395,10 @@ class Download(Request):
     """Download the model and its meshes as a file."""
 
     suffix: Annotated[str, Field(pattern=f"^({'|'.join(map(re.escape, SUFFIXES))})$")] = ".json"
+
+
+class ShareLink(Request):
+    """Send the page a link that carries the model."""
 
 
 # -- errands ---------------------------------------------------------------------------------------

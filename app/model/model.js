@@ -2,6 +2,9 @@
 (() => {
   const { make, button, text, cells, send } = pgraph;
 
+  const CARRIES =
+    "A link that carries the model: any page of Pgraph opens it, and no server gets it";
+
   function build(host) {
     const name = make(
       "button",
@@ -35,6 +38,7 @@
         () => send("Download"),
         { about: "JSON; with mesh files a zip of that and them" },
       ],
+      ["Copy link", "", () => send("ShareLink"), { className: "share", about: CARRIES }],
     ]);
     const search = make(
       "button",
@@ -98,6 +102,7 @@
     ["Open a model", "Ctrl O", () => ask(openQuestion)],
     ["Save the model", "Ctrl S", () => ask(saveQuestion)],
     ["Download the model", "", () => send("Download"), "as one file"],
+    ["Copy a link to the model", "", () => send("ShareLink"), CARRIES],
     ["Undo", "Ctrl Z", () => send("Undo")],
     ["Redo", "Ctrl Shift Z", () => send("Redo")],
   ]);
@@ -119,6 +124,28 @@
     },
     true,
   );
+
+  // -- links: the model is their fragment, which the browser keeps to itself -------------------------
+  pgraph.on("link", ({ fragment, safe }) => {
+    const link = `${location.origin}${location.pathname}${fragment}`,
+      long = link.length > safe ? ` Many programs cut links above ${safe}: send a file there.` : "";
+    const copied = () => pgraph.toast(`Copied a link of ${link.length} characters.${long}`, true);
+    const shown = () => {
+      const box = pgraph.dialog("A link to the model", "asked"),
+        field = make("input", { type: "text", value: link, readOnly: true });
+      box.lastChild.append(field);
+      field.select();
+    };
+    if (navigator.clipboard) navigator.clipboard.writeText(link).then(copied, shown);
+    else shown(); // not to be had at addresses without https but for this computer
+  });
+  function openLink() {
+    if (!location.hash.startsWith("#m=")) return;
+    send("OpenLink", { link: location.hash });
+    history.replaceState(null, "", location.pathname + location.search); // not again on a reload
+  }
+  window.addEventListener("hashchange", openLink);
+  pgraph.on("toolbar", openLink);
 
   // -- one question at a time ------------------------------------------------------------------------
   const TITLES = {

@@ -5,12 +5,14 @@ from __future__ import annotations
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core.formats import READERS, SAVED
+from pgraph_core.model.links import SAFE, fragment_of
 from pgraph_core.show.notebook import pictures
 
 from ..core.bridge import Bridge
 from ..core.edit import STAND_IN
+from ..core.state import Notice
 from ..core.views import Host, Payload, Place, audience, requests
-from . import Kept, ShowGallery, State, reading
+from . import Kept, ShareLink, ShowGallery, State, reading
 
 
 class ToolbarView:
@@ -94,6 +96,22 @@ class GalleryView:
             self._bridge.send(asked.client, "pictures", self._pictures)
 
 
+class LinkView:
+    """Sends the fragment of a link to pages that ask for it."""
+
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+
+    def render(self, old: State, new: State) -> None:
+        for asked in requests(old, new, ShareLink):
+            try:
+                found = {"fragment": fragment_of(new.model), "safe": SAFE}
+                self._bridge.send(asked.client, "link", found)
+            except pg.InputError as error:
+                notice = Notice("No link", str(error), bad=True)
+                self._bridge.send(asked.client, "notice", vars(notice))
+
+
 def drawn(model: pg.Model) -> str:
     """Draw a model in its home position, as SVG text."""
     return pictures(model, [pg.home_poses(model)])[0]
@@ -102,4 +120,5 @@ def drawn(model: pg.Model) -> str:
 VIEWS = (
     Place(lambda desk: ToolbarView(desk.bridge), 30, Host("toolbar", "top"), Host("start", "view")),
     Place(lambda desk: GalleryView(desk.bridge), 32),
+    Place(lambda desk: LinkView(desk.bridge), 33),
 )

@@ -15,6 +15,7 @@ from ..file_kinds import HEAD, first_element, is_json
 from ..markup import ordinary
 from ..model import Model
 from ..model.files import FOREIGN, refuse_kind
+from ..model.links import is_link, linked
 from .conversion import Report, nearest_inertia, why_unphysical
 from .mjcf import read_mjcf
 from .mjcf_out import write_mjcf
@@ -47,7 +48,7 @@ def load(
     base: Literal["fixed", "free"] = "fixed",
     arguments: Mapping[str, Any] | None = None,
 ) -> Model:
-    """Load a built-in model by its name, or a file of Pgraph, URDF, xacro, MJCF or OpenSim.
+    """Load a built-in model by its name, a file of Pgraph, URDF, xacro, MJCF or OpenSim, or a link.
 
     Omissions and warnings are stored in `notices` of the model. To obtain the full report, use
     `pg.read_urdf`, `pg.read_mjcf` or `pg.read_osim`.
@@ -55,8 +56,8 @@ def load(
     Parameters
     ----------
     path : path
-        The file, or the name of a built-in model. Mesh paths are relative to the folder of the
-        file.
+        The file, the name of a built-in model, or a link by `pg.link`. Mesh paths are relative to
+        the folder of the file.
     roots : path or iterable of paths, optional
         Additional folders from which meshes may be loaded.
     base : {"fixed", "free"}
@@ -110,6 +111,8 @@ def read_model(
     URDF and MJCF are both XML, and many files have the suffix of the other: the first element of
     the file decides between them.
     """
+    if is_link(path):
+        return linked(str(path)), Report("link")
     suffix = Path(path).suffix.lower()
     if suffix == SUFFIX:
         return read_urdf(path, roots, arguments=arguments, base=base)

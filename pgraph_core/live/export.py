@@ -25,6 +25,7 @@ from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..model import Force, Model
 from ..model.files import write_atomic
+from ..model.links import link
 from ..model.settings import STEP
 from ..numbering import children_of
 from ..result import Result
@@ -86,6 +87,7 @@ def page(run: Result, fields: Sequence[str] = (), live: bool = True) -> str:
     engine = _engine(run, wanted) if live else _recording(run)
     drawn = _Drawing(run, wanted if engine["methods"] else ())
     given = {"engine": engine, "scene": drawn.scene(), "recording": drawn.recording()}
+    given["link"] = _link(model)
     facts = _facts(run, engine)
     title = model.name or "A mechanism"
     texts = {name: (HERE / name).read_text(encoding="utf-8") for name in SCRIPTS}
@@ -100,6 +102,14 @@ def page(run: Result, fields: Sequence[str] = (), live: bool = True) -> str:
         "SCRIPT": "\n".join(texts.values()),
     }
     return re.sub("%([A-Z]+)%", lambda found: parts[found[1]], html)
+
+
+def _link(model: Model) -> str:
+    """Return a link to the model, or "" if none carries it."""
+    try:
+        return link(model)
+    except InputError:
+        return ""
 
 
 SCRIPTS = ("engine.js", "view.js", "figure.js")

@@ -12,6 +12,7 @@
 
   async function main() {
     const given = JSON.parse(find("#figure").textContent);
+    share(given.link);
     const { Engine, unpacked, Problem } = pgraphEngine;
     const frames = await recorded(given, unpacked);
     const dark = matchMedia("(prefers-color-scheme: dark)");
@@ -448,6 +449,36 @@
       };
     }
     return found;
+  }
+
+  // The model, which is in its link: as a file, and as the link.
+  function share(link) {
+    find("#share").hidden = !link;
+    if (!link) return;
+    find("#download").addEventListener("click", async () => {
+      const letters = link.split("#m=")[1].replace(/-/g, "+").replace(/_/g, "/");
+      const bytes = Uint8Array.from(atob(letters), (letter) => letter.charCodeAt(0));
+      const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+      const file = URL.createObjectURL(await new Response(stream).blob());
+      const anchor = document.createElement("a");
+      [anchor.href, anchor.download] = [
+        file,
+        `${document.title.replace(/[^\p{L}\p{N}_-]+/gu, "_")}.json`,
+      ];
+      anchor.click();
+      setTimeout(() => URL.revokeObjectURL(file), 1000);
+    });
+    find("#link").addEventListener("click", async () => {
+      const told = find("#copied");
+      try {
+        await navigator.clipboard.writeText(link);
+        told.textContent = `Copied ${link.length} characters; start Pgraph, and open the link.`;
+      } catch {
+        const anchor = document.createElement("a"); // for the browser's own menu
+        [anchor.href, anchor.textContent] = [link, "the link, to copy"];
+        told.replaceChildren(anchor);
+      }
+    });
   }
 
   main().catch((error) => {
