@@ -102,7 +102,7 @@ const pgraphEngine = (() => {
               data.setUint32(at + 4, halves[2 * i + 1], true);
             });
         for (const [at, factor] of field.copies) data.setFloat64(at, factor * value, true);
-        for (const at of field.table) data.setFloat64(at, value, true);
+        for (const [at, factor] of field.table) data.setFloat64(at, factor * value, true);
         packs ||= field.table.length > 0;
       }
       if (packs) this.pack();

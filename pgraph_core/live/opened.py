@@ -81,7 +81,8 @@ class Follows(NamedTuple):
     """The addresses in the image for one method that change with a field."""
 
     copies: tuple[tuple[int, float], ...]  # with the factor
-    table: tuple[int, ...]  # numbers of the table of bodies, from which the rest is packed
+    # numbers of the table of bodies, from which the rest is packed, with the factor
+    table: tuple[tuple[int, float], ...]
     # of a list, for each value: where numbers differ from the image, and their bits by halves
     listed: tuple[tuple[float, tuple[int, ...], tuple[int, ...]], ...] = ()
 
@@ -184,10 +185,8 @@ def _follows(
     for place, column in zip((BASE + 8 * places).tolist(), y.T):
         in_table = any(begin <= place < end for begin, end in inside)
         factor = _factor(x, column)
-        if in_table and factor == 1.0:
-            table.append(place)
-        elif factor is not None and not in_table:
-            copies.append((place, factor))
+        if factor is not None:
+            (table if in_table else copies).append((place, factor))
     packed = [span for name in PACKED for span in [_span(run, name)]]
     packed += [(to, to + size) for _, to, size in run.header()["copies"]]
     copies = [c for c in copies if not (table and any(b <= c[0] < e for b, e in packed))]
@@ -230,8 +229,8 @@ def _differs(
                 memory[place - BASE : place - BASE + 8] = word.tobytes()
         for place, factor in what.copies:
             put(place, factor * x)
-        for place in what.table:
-            put(place, x)
+        for place, factor in what.table:
+            put(place, factor * x)
     if any(what.table for what, _ in given):
         names = ("parent", "body", "motion", "start", "tracks", *PACKED)
         pack(*(view(name) for name in names))

@@ -36,7 +36,7 @@ from ..simulation.options import RTOL
 from ..tolerances import SOLVED
 from .library import LINKED, SOURCES, kernels_digest
 
-TIME, INPUT, PARAMETER, STATE, OUTPUT = range(5)  # kinds of variables, as in c/pgraph.h
+TIME, INPUT, PARAMETER, STATE, OUTPUT, DERIVATIVE = range(6)  # kinds of variables, as in c/pgraph.h
 READ = ("position", "rotation", "velocity", "angular_velocity", "velocimeter", "gyro",
         "accelerometer", *OF_JOINT)  # kinds of outputs that the library reads  # fmt: skip
 MOVED = 4096  # [bytes] to find the addresses in an image
@@ -86,6 +86,7 @@ class Wanted(NamedTuple):
     method: str = "auto"
     step: float | None = None  # [s]
     rtol: float | None = None
+    rates: bool = False  # whether derivatives of the states are variables
 
 
 class NativeRun(LiveRun):
@@ -95,7 +96,7 @@ class NativeRun(LiveRun):
 
     def _lay_out(self) -> None:
         self.sensors = Sensors(self.mech.packed, self.mech.model)
-        nb, nv, nq = self.mech.nb, *map(len, (self.record.v, self.record.q))
+        nb, nv, nq = self.mech.nb, self.mech.nv, self.mech.nq
         frame, zeros = (1, nb, 6), np.zeros
         self.of_frame: dict[str, Any] = {
             "sensors": self.sensors.table, "gravity": self.sensors.gravity,
@@ -103,7 +104,7 @@ class NativeRun(LiveRun):
             "external": zeros(frame), "work": np.zeros_like(self.record.scene.work),
             "position": zeros((1, nb, 3)), "rotation": zeros((1, nb, 9)),
             "velocity": zeros(frame), "acceleration": zeros(frame), "force": zeros(frame),
-            "pose": zeros((1, nb, 7)), "readings": zeros((1, max(self.sensors.width, 1))),
+            "pose": zeros((1, nb, 7)), "readings": zeros((1, max(self.sensors.width, 1))), "x": zeros(nq + nv),
         }  # fmt: skip
         super()._lay_out()
 
@@ -151,9 +152,9 @@ class Exported:
         found = follows(model, {self.method: self.run}, fields, make)
         self.by_tolerance = METHODS[self.method].adaptive and wanted.rtol is not None
         taken: set[str] = set()
-        self.variables = [Variable("time", TIME, self.run.plan.times[0], "s", "time")]
+        self.variables = [Variable("time", TIME, float(self.run.plan.times[0]), "s", "time")]
         for one in (
-            *self._states(), *self._outputs(), *self._inputs(),
+            *self._states(), *self._rates(), *self._outputs(), *self._inputs(),
             *(_parameter(field, of[self.method], model) for field, of in found),
         ):  # fmt: skip
             prefix = {INPUT: "inputs.", OUTPUT: "outputs."}.get(one.kind, "q.")
@@ -178,6 +179,14 @@ class Exported:
                              (Effect(at),))
                 )  # fmt: skip
         return found
+
+    def _rates(self) -> list[Variable]:
+        states = self._states() if self.wanted.rates else []
+        return [
+            Variable(f"der({one.name})", DERIVATIVE, 0.0, _per_second(one.unit),
+                     f"rate of the {one.about}", i, immediate=i >= self.mech.nq)
+            for i, one in enumerate(states)
+        ]  # fmt: skip
 
     def _outputs(self) -> list[Variable]:
         known = {o.name: o for o in self.model.outputs}
@@ -276,6 +285,7 @@ class Exported:
             effects += [self._effect(x) for x in one.effects]
         for row, one in zip(variables, self.variables):
             row[4] = file.add(one.name.encode() + b"\0")
+        slides, spins = rates_of(self.mech)
         words = self._words(header) | {
             "kernels": _letters(kernels_digest()), "values": values, "base": BASE,
             "image": file.add(bytes(memory)), "image_bytes": len(memory),
@@ -287,6 +297,8 @@ class Exported:
             "arrays": file.words(self._arrays()),
             "variables": file.words(variables), "variable_count": len(variables),
             "effects": file.words(effects), "effect_count": len(effects),
+            "spins": file.words(spins), "spin_count": len(spins),
+            "slides": file.words(slides), "slide_count": len(slides),
         }  # fmt: skip
         return file.closed([words[name] for name in _names("W_") if name not in FIXED])
 
@@ -323,7 +335,7 @@ class Exported:
             "tolerance": _bits(self.wanted.rtol or RTOL), "fixed_tolerance": _bits(SOLVED),
             "usual_span": _bits(self.span), "rows": len(run.packed_arrays[0]),
             **header["columns"], "moves": int(run.sensors.moves),
-            "coordinates": len(run.record.q), "velocities": len(run.record.v),
+            "coordinates": self.mech.nq, "velocities": self.mech.nv,
         }  # fmt: skip
 
     @property
@@ -351,6 +363,31 @@ class Exported:
         return found
 
 
+def rates_of(mech: Mechanism) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Return the coordinates whose rate is a velocity, and the first numbers of quaternions.
+
+    Both are pairs of an index in q and one in v, which for a quaternion is that of the angular
+    velocity.
+    """
+    slides, spins, i, j = list[tuple[int, int]](), list[tuple[int, int]](), 0, 0
+    for name in mech.names:
+        for motion in mech.model.body(name).sequence:
+            of_q, of_v = map(len, units_of(motion))
+            if of_q == of_v:
+                slides += [(i + k, j + k) for k in range(of_q)]
+            else:  # a quaternion comes last in q, and its angular velocity first in v
+                slides += [(i + k, j + of_v - (of_q - 4) + k) for k in range(of_q - 4)]
+                spins.append((i + of_q - 4, j))
+            i, j = i + of_q, j + of_v
+    return slides, spins
+
+
+def _per_second(unit: str) -> str:
+    """Return the unit of a rate."""
+    own, slash, below = unit.partition("/")
+    return f"{own}/s^2" if below == "s" else f"{unit}/s" if own != "1" else "1/s"
+
+
 def _made(mech: Mechanism, method: str, setup: Setup) -> NativeRun:
     return NativeRun(mech, setup, method)
 
@@ -361,7 +398,7 @@ def _parameter(field: Opened, of: Any, model: Model) -> Variable:
         text = "cannot be a parameter: what depends on it follows no rule that the library knows"
         raise InputError(Problem("export", field.path.text, text))
     effects = [Effect(place, slope=factor) for place, factor in of.copies]
-    effects += [Effect(place, packs=True) for place in of.table]
+    effects += [Effect(place, slope=factor, packs=True) for place, factor in of.table]
     return Variable(field.path.text, PARAMETER, field.path.present, field.path.unit(model),
                     field.label, -1, tuple(effects), field.low, field.high)  # fmt: skip
 

@@ -55,7 +55,8 @@ const char *image_problem(const void *model, size_t bytes) {
       outside(w, W_RELOCATIONS, w[W_RELOCATION_COUNT], 8) ||
       outside(w, W_LINKS, w[W_LINK_COUNT], 16) ||
       outside(w, W_VARIABLES, w[W_VARIABLE_COUNT], 8 * V_WORDS) ||
-      outside(w, W_EFFECTS, w[W_EFFECT_COUNT], 8 * E_WORDS))
+      outside(w, W_EFFECTS, w[W_EFFECT_COUNT], 8 * E_WORDS) ||
+      outside(w, W_SPINS, w[W_SPIN_COUNT], 16) || outside(w, W_SLIDES, w[W_SLIDE_COUNT], 16))
     return "the file of the model is damaged";
   return NULL;
 }

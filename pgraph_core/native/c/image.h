@@ -11,6 +11,7 @@ enum word {
   W_MAGIC, W_FORM, W_KERNELS, W_FILE_BYTES, W_IMAGE, W_IMAGE_BYTES, W_VALUES, W_BASE,
   W_RELOCATIONS, W_RELOCATION_COUNT, W_LINKS, W_LINK_COUNT, W_LENGTHS, W_LENGTH_COUNT,
   W_COPIES, W_COPY_COUNT, W_ARRAYS, W_VARIABLES, W_VARIABLE_COUNT, W_EFFECTS, W_EFFECT_COUNT,
+  W_SPINS, W_SPIN_COUNT, W_SLIDES, W_SLIDE_COUNT,
   W_SCENE, W_RUN, W_TIME, W_WIDTHS, W_RTOL, W_WIDEST, W_ORIGIN, W_TAKEN, W_FRAME, W_LAST, W_LEFT,
   W_SPAN, W_FRESH, W_LOGGED, W_STATE_ROW, W_CHOSEN, W_GIVEN, W_ADAPTIVE, W_BY_TOLERANCE,
   W_PROJECT, W_BOUNDED, W_MOVABLE, W_START, W_STEP, W_TOLERANCE, W_FIXED_TOLERANCE, W_USUAL_SPAN,
@@ -23,9 +24,12 @@ enum array {
   A_PARENT, A_BODY, A_MOTION, A_START, A_TRACKS, A_ROWS, A_CONST, A_BODIES_I, A_BODIES_F, A_HOME,
   A_Q, A_V, A_TRIAL, A_GIVEN, A_FLOW, A_VDOT, A_WRENCHES, A_TIMES,
   A_SENSORS, A_GRAVITY, A_FRAME_Q, A_FRAME_V, A_FRAME_VDOT, A_EXTERNAL, A_WORK, A_POSITION,
-  A_ROTATION, A_VELOCITY, A_ACCELERATION, A_FORCE, A_POSE, A_READINGS,
+  A_ROTATION, A_VELOCITY, A_ACCELERATION, A_FORCE, A_POSE, A_READINGS, A_X,
   A_COUNT
 };
+
+/* Coordinates whose rates are velocities: pairs of their numbers. Spins: pairs of the first numbers of
+   a quaternion and of its angular velocity in the axes of the parent. */
 
 /* A variable: its kind, where it is read (-1: its value), its effects, and its name in the file. */
 enum { V_KIND, V_READ, V_FIRST_EFFECT, V_EFFECTS, V_NAME, V_LOW, V_HIGH, V_WORDS };
@@ -39,7 +43,7 @@ struct pgraph {
   double *values; /* set by the user, within the image, one for each variable */
   double began;
   int state; /* 0: not started, 1: started, -1: failed */
-  int seen;  /* readings belong to the present state */
+  int seen;  /* bits: 1 readings, 2 derivatives belong to the present state */
   char message[256];
 };
 
@@ -56,6 +60,7 @@ double real_word(const pgraph *p, int word);
 const int64_t *section(const pgraph *p, int word);
 int fail(pgraph *p, const char *text, ...);
 
+int accelerate(pgraph *p);
 /* Readings of the outputs at the present state. Null with a message if there are none. */
 const double *readings(pgraph *p);
 

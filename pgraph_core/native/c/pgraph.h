@@ -29,7 +29,8 @@ enum {
   PGRAPH_INPUT,     /* may be set at any time */
   PGRAPH_PARAMETER, /* may be set before `pgraph_start` */
   PGRAPH_STATE,     /* a coordinate or velocity; may be set before `pgraph_start` */
-  PGRAPH_OUTPUT     /* may only be read */
+  PGRAPH_OUTPUT,    /* may only be read */
+  PGRAPH_DERIVATIVE /* time derivative of a state, if the file has these */
 };
 
 /* Bytes of memory that an instance of a model needs, or 0 if these `bytes` are no model. If `why`
@@ -67,11 +68,12 @@ PGRAPH_API size_t pgraph_state_size(const pgraph *p);
 PGRAPH_API void pgraph_save(const pgraph *p, void *state);
 PGRAPH_API int pgraph_restore(pgraph *p, const void *state);
 
-/* Accelerations at the present state, and the power of the drives [W] in `flow`. For solvers of
-   others: set the time and the state, then read the derivatives. */
-PGRAPH_API int pgraph_put_state(pgraph *p, double t, const double *q, const double *v);
-PGRAPH_API int pgraph_acceleration(pgraph *p, const double **vdot);
-/* Project the state onto the constraints. `moved` receives the largest change. */
+/* For other solvers: put the time and the state (coordinates, then velocities), and read its
+   derivatives. */
+PGRAPH_API int pgraph_put_state(pgraph *p, double t, const double *x);
+PGRAPH_API int pgraph_derivatives(pgraph *p, const double **rates);
+/* Put the state onto the constraints, and make quaternions unit. `moved` receives the largest
+   change. */
 PGRAPH_API int pgraph_project(pgraph *p, double *moved);
 
 PGRAPH_API const char *pgraph_message(const pgraph *p);

@@ -7,6 +7,7 @@
 enum { DONE = 0, RUNNING = 3 }; /* status codes of a run that has not failed */
 static const double SAME = 1e-9; /* as in simulation/options.py */
 static const int64_t ROUNDS = 50;
+static const double ROUNDED = 1e-12; /* of the square of a quaternion from 1 */
 static const double NOTABLE = 1e-6; /* as in analysis/assembly.py */
 
 extern void k_acceleration(void);
@@ -56,6 +57,8 @@ const double *pgraph_v(const pgraph *p, size_t *count) {
 }
 
 /* -- variables -------------------------------------------------------------------------------- */
+
+static int ready(pgraph *p);
 
 static const int64_t *variable(const pgraph *p, int k) {
   return section(p, W_VARIABLES) + (int64_t)k * V_WORDS;
@@ -112,7 +115,7 @@ static int act(pgraph *p, int k, double value) {
 int pgraph_set(pgraph *p, int k, double value) {
   int kind = pgraph_kind(p, k);
   if (kind < 0) return fail(p, "no variable has the number %d; there are %d", k, pgraph_count(p));
-  if (kind == PGRAPH_TIME || kind == PGRAPH_OUTPUT)
+  if (kind == PGRAPH_TIME || kind == PGRAPH_OUTPUT || kind == PGRAPH_DERIVATIVE)
     return fail(p, "'%s' is computed, so it cannot be set", pgraph_name(p, k));
   if (!isfinite(value))
     return fail(p, "'%s' must be a finite number, given %g", pgraph_name(p, k), value);
@@ -139,12 +142,22 @@ int pgraph_get(pgraph *p, int k, double *value) {
     const double *found = readings(p);
     if (!found) return -1;
     *value = found[variable(p, k)[V_READ]];
+  } else if (kind == PGRAPH_DERIVATIVE) {
+    const double *found;
+    if (pgraph_derivatives(p, &found)) return -1;
+    *value = found[variable(p, k)[V_READ]];
   } else if (kind == PGRAPH_STATE && p->state != 0) {
     *value = *(double *)(p->image + variable(p, k)[V_READ]);
   } else {
     *value = p->values[k];
   }
   return 0;
+}
+
+static int ready(pgraph *p) {
+  if (p->state == 1) return 0;
+  return p->state ? fail(p, "the run has stopped at t = %.6g s; start it again", pgraph_time(p))
+                  : fail(p, "the instance has not been started");
 }
 
 /* -- the start -------------------------------------------------------------------------------- */
@@ -185,10 +198,15 @@ static uint64_t run(const pgraph *p) { return (uintptr_t)(p->image + p->words[W_
 int pgraph_project(pgraph *p, double *moved) {
   int64_t nq = array_of(p, A_Q)[3], nv = array_of(p, A_V)[3], count[2] = {nq, nv};
   double *trial = numbers(p, A_TRIAL), *q = numbers(p, A_Q), *v = numbers(p, A_V);
+  const int64_t *spin = section(p, W_SPINS);
   if (moved) *moved = 0.0;
-  if (!p->words[W_PROJECT]) return 0;
   memcpy(trial, q, (size_t)nq * 8);
   memcpy(trial + nq, v, (size_t)nv * 8);
+  for (int64_t i = 0; i < p->words[W_SPIN_COUNT]; i++, spin += 2) {
+    double *x = trial + spin[0], size = x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + x[3] * x[3];
+    if (fabs(size - 1.0) > ROUNDED)
+      for (int k = 0; k < 4; k++) x[k] /= sqrt(size);
+  }
   arguments a = {.count = 0};
   put_word(&a, scene(p));
   put_real(&a, pgraph_time(p));
@@ -199,7 +217,7 @@ int pgraph_project(pgraph *p, double *moved) {
   }
   put_word(&a, (uint64_t)ROUNDS);
   mode before = mode_begin();
-  int64_t rounds = called(w_projection, &a);
+  int64_t rounds = p->words[W_PROJECT] ? called(w_projection, &a) : 0;
   mode_end(before);
   double most = 0.0;
   for (int64_t i = 0; i < nq + nv; i++) {
@@ -214,7 +232,7 @@ int pgraph_project(pgraph *p, double *moved) {
   return 0;
 }
 
-int pgraph_acceleration(pgraph *p, const double **vdot) {
+int accelerate(pgraph *p) {
   arguments a = {.count = 0};
   put_word(&a, scene(p));
   put_word(&a, (uintptr_t)k_acceleration);
@@ -226,18 +244,39 @@ int pgraph_acceleration(pgraph *p, const double **vdot) {
   mode before = mode_begin();
   int64_t code = called(w_constrained_dynamics, &a);
   mode_end(before);
-  if (vdot) *vdot = numbers(p, A_VDOT);
   if (code > 0) return fail(p, "a joint has no inertia with these values");
   return code < 0 ? fail(p, "the acceleration is not finite at t = %g s", pgraph_time(p)) : 0;
 }
 
-int pgraph_put_state(pgraph *p, double t, const double *q, const double *v) {
-  if (p->state != 1) return fail(p, "the instance has not been started");
+int pgraph_put_state(pgraph *p, double t, const double *x) {
+  if (ready(p)) return -1;
+  size_t nq = (size_t)p->words[W_COORDINATES], nv = (size_t)p->words[W_VELOCITIES];
   *real_at(p, W_TIME) = t;
-  memcpy(numbers(p, A_Q), q, (size_t)p->words[W_COORDINATES] * 8);
-  memcpy(numbers(p, A_V), v, (size_t)p->words[W_VELOCITIES] * 8);
+  memcpy(numbers(p, A_Q), x, nq * 8);
+  memcpy(numbers(p, A_V), x + nq, nv * 8);
   *integer_at(p, W_FRESH) = 0;
   p->seen = 0;
+  return 0;
+}
+
+int pgraph_derivatives(pgraph *p, const double **rates) {
+  if (ready(p)) return -1;
+  double *x = numbers(p, A_X), *q = numbers(p, A_Q), *v = numbers(p, A_V);
+  *rates = x;
+  if (p->seen & 2) return 0;
+  if (accelerate(p)) return -1;
+  const int64_t *slide = section(p, W_SLIDES), *spin = section(p, W_SPINS);
+  for (int64_t i = 0; i < p->words[W_SLIDE_COUNT]; i++, slide += 2) x[slide[0]] = v[slide[1]];
+  for (int64_t i = 0; i < p->words[W_SPIN_COUNT]; i++, spin += 2) {
+    const double *a = q + spin[0], *w = v + spin[1]; /* p' = (0, w) p / 2 */
+    double *to = x + spin[0];
+    to[0] = -0.5 * (w[0] * a[1] + w[1] * a[2] + w[2] * a[3]);
+    to[1] = 0.5 * (w[0] * a[0] + w[1] * a[3] - w[2] * a[2]);
+    to[2] = 0.5 * (w[1] * a[0] + w[2] * a[1] - w[0] * a[3]);
+    to[3] = 0.5 * (w[2] * a[0] + w[0] * a[2] - w[1] * a[1]);
+  }
+  memcpy(x + p->words[W_COORDINATES], numbers(p, A_VDOT), (size_t)p->words[W_VELOCITIES] * 8);
+  p->seen |= 2;
   return 0;
 }
 
@@ -262,8 +301,7 @@ int pgraph_start(pgraph *p, double t) {
   p->state = 0;
   p->message[0] = 0;
   for (int k = 0; k < pgraph_count(p); k++)
-    if (pgraph_kind(p, k) != PGRAPH_OUTPUT && pgraph_kind(p, k) != PGRAPH_TIME)
-      packs |= act(p, k, p->values[k]);
+    packs |= act(p, k, p->values[k]);
   mode before = mode_begin();
   if (packs) pack(p);
   mode_end(before);
@@ -271,7 +309,7 @@ int pgraph_start(pgraph *p, double t) {
   double moved = 0.0;
   if (pgraph_project(p, &moved) || !(moved <= NOTABLE))
     return fail(p, "the constraints are not met at the start with these values");
-  if (pgraph_acceleration(p, NULL)) return -1;
+  if (accelerate(p)) return -1;
   if (p->words[W_BOUNDED]) {
     arguments a = {.count = 0};
     put_word(&a, run(p));
@@ -322,10 +360,12 @@ static int went(pgraph *p, int64_t code) {
   return fail(p, "the run stopped at t = %.6g s: %s", pgraph_time(p), reason(code));
 }
 
-static int ready(pgraph *p) {
-  if (p->state == 1) return 0;
-  return p->state ? fail(p, "the run has stopped at t = %.6g s; start it again", pgraph_time(p))
-                  : fail(p, "the instance has not been started");
+/* Take `n` given steps, each in as many parts as events within it need. */
+static int take(pgraph *p, int64_t n) {
+  const int64_t *taken = integer_at(p, W_TAKEN), end = *taken + n;
+  while (*taken < end)
+    if (went(p, advance(p, end - *taken))) return -1;
+  return 0;
 }
 
 int pgraph_step(pgraph *p, int64_t n) {
@@ -333,7 +373,7 @@ int pgraph_step(pgraph *p, int64_t n) {
   if (p->words[W_BY_TOLERANCE]) return fail(p, "the method chooses its steps; use pgraph_advance");
   if (n < 1) return fail(p, "the number of steps must be at least 1, given %lld", (long long)n);
   interval(p, INT64_MAX, real_word(p, W_STEP), INFINITY);
-  return went(p, advance(p, n));
+  return take(p, n);
 }
 
 int pgraph_advance(pgraph *p, double duration) {
@@ -354,5 +394,5 @@ int pgraph_advance(pgraph *p, double duration) {
   double n = fmax(ceil(duration / step - SAME), 1.0);
   if (fabs(n * step - duration) <= SAME * step) return pgraph_step(p, (int64_t)n);
   interval(p, (int64_t)n, duration / n, end);
-  return went(p, advance(p, (int64_t)n));
+  return take(p, (int64_t)n);
 }

@@ -18,12 +18,12 @@ static void bodies(pgraph *p) {
 }
 
 const double *readings(pgraph *p) {
-  if (p->seen) return numbers(p, A_READINGS);
+  if (p->seen & 1) return numbers(p, A_READINGS);
   if (p->state == 0) {
     fail(p, "outputs exist after the start");
     return NULL;
   }
-  if (pgraph_acceleration(p, NULL)) return NULL;
+  if (accelerate(p)) return NULL;
   mode before = mode_begin();
   memcpy(numbers(p, A_FRAME_Q), numbers(p, A_Q), (size_t)p->words[W_COORDINATES] * 8);
   memcpy(numbers(p, A_FRAME_V), numbers(p, A_V), (size_t)p->words[W_VELOCITIES] * 8);
@@ -35,6 +35,6 @@ const double *readings(pgraph *p) {
   for (size_t i = 0; i < sizeof given / sizeof *given; i++) put_array(&a, p, given[i]);
   called(w_read_sensors, &a);
   mode_end(before);
-  p->seen = 1;
+  p->seen |= 1;
   return numbers(p, A_READINGS);
 }
