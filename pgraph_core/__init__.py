@@ -120,6 +120,8 @@ if TYPE_CHECKING:
     from .model import Wrench as Wrench
     from .model.links import link as link
     from .model.rope import belt as belt
+    from .native.writing import write_c as write_c
+    from .native.writing import write_fmu as write_fmu
     from .paper import home_poses as home_poses
     from .paper.frame_update import frame_update_trace as frame_update_trace
     from .pulleys import Pulley as Pulley

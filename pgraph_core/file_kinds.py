@@ -36,6 +36,10 @@ SIGNS = {  # first element and start of formats in XML and JSON
     "dae": ("COLLADA",),
     "gltf": ("", rb'\{\s*"(asset|accessors|buffers|scenes?)"'),
 }
+FMU = (
+    "is an FMU, which is written but not read; give the model that it was made from: an FMU of "
+    "Pgraph contains it as resources/model.json"
+)
 ARCHIVE = FileKind("zip", "is an archive; unpack it, or open it by the page: pgraph FILE.zip")
 KINDS = (
     FileKind("", POINTER, sign=LFS),
@@ -66,6 +70,7 @@ KINDS = (
         "pg.read_trial",
         sign=rb"PathFileType",
     ),
+    FileKind("fmu", FMU),
     ARCHIVE,
     FileKind(
         "png jpg jpeg gif svg mp4 pdf html htm csv tsv mat h5 yaml yml toml txt md py m pkl gz",

@@ -233,10 +233,12 @@ def size(text: str) -> tuple[int, int]:
 
 USUAL = {
     "what": "view", "columns": (), "at": None, "size": None, "view": "start", "dark": False,
-    "fps": 30.0, "speed": 1.0,
+    "fps": 30.0, "speed": 1.0, "fmi": 3, "kind": None, "platform": None, "method": None,
+    "step": None, "rtol": None,
 }  # fmt: skip
 TAKES = {  # the options that each kind of file accepts
     "page": (),
+    "FMU": ("fmi", "kind", "platform", "method", "step", "rtol"),
     "film": ("size", "view", "dark", "fps", "speed"),
     "picture of the view": ("what", "at", "size", "view", "dark"),
     "picture of the digraph": ("what", "size"),
@@ -246,12 +248,12 @@ TAKES = {  # the options that each kind of file accepts
 
 @command(
     "export",
-    "write an interactive figure, a picture or a film",
+    "write an interactive figure, a picture, a film or an FMU",
     *MODEL, SCENARIO, T_END,
     takes("--live", action="store_true", help="an interactive figure with kernels and sliders"),
     takes(
         "--open", action="append", default=[], metavar="PATH[=LOW:HIGH]",
-        help="parameter with a slider, such as bodies.lower.mass=0.2:5; may be repeated",
+        help="parameter with a slider, or of an FMU, as bodies.lower.mass=0.2:5; may be repeated",
     ),
     takes("--what", choices=("view", "digraph", "plot"), default="view", help="in a picture"),
     takes("--columns", type=names, default=(), metavar="A,B",
@@ -262,9 +264,18 @@ TAKES = {  # the options that each kind of file accepts
     takes("--dark", action="store_true", help="dark background of a picture or film"),
     takes("--fps", type=positive, default=30.0, help="frames per second of a film"),
     takes("--speed", type=positive, default=1.0, help="speed of a film: 0.5 is slow motion"),
+    takes("--fmi", type=int, choices=(2, 3), default=3, help="version of an FMU"),
+    takes("--kind", action="append", choices=("cs", "me"),
+          help="co-simulation or model exchange of an FMU; default: each that is possible"),
+    takes("--platform", action="append", metavar="NAME",
+          help="of an FMU, such as x86_64-linux; default: all; may be repeated"),
+    takes("--method", help="of an FMU: rk4, semi_implicit_euler, dopri5, dop853 or moreau_jean"),
+    takes("--step", type=positive, metavar="S", help="step of an FMU [s]"),
+    takes("--rtol", type=positive, help="tolerance of an FMU whose method chooses its steps"),
     takes(
         "-o", "--output", required=True, metavar="FILE",
-        help="a page (.html), a picture (.png; plot, digraph: .svg) or a film (.mp4, .gif)",
+        help="a page (.html), a picture (.png; plot, digraph: .svg), a film (.mp4, .gif) or an FMU "
+        "(.fmu)",
     ),
 )  # fmt: skip
 def export(args: Namespace) -> Answer:
@@ -272,13 +283,38 @@ def export(args: Namespace) -> Answer:
     suffix = Path(args.output).suffix.lower()
     if suffix in (".mp4", ".gif"):
         kind = "film"
+    elif suffix == ".fmu":
+        kind = "FMU"
     else:
         kind = f"picture of the {args.what}" if suffix in (".png", ".svg") else "page"
     for option, usual in USUAL.items():
         if getattr(args, option) != usual and option not in TAKES[kind]:
             text = f"--{option} does not apply to a {kind}; remove it, or use another kind of file"
             raise FileError(Problem(args.output, "", text))
+    if kind == "FMU":
+        return _fmu(args)
     return _page(args) if kind == "page" else _drawn(args, kind == "film")
+
+
+def _fmu(args: Namespace) -> Answer:
+    """Write an FMU, and tell what its variables are."""
+    if args.live or args.t_end is not None:
+        option = "--live" if args.live else "--t-end"
+        text = f"{option} does not apply to an FMU; remove it, or use another kind of file"
+        raise FileError(Problem(args.output, "", text))
+    model = open_model(args)
+    scenario, others = first_scenario(model, args.scenario), {"step": args.step, "rtol": args.rtol}
+    report = pg.write_fmu(
+        model, args.output, version=args.fmi, kinds=args.kind, scenario=scenario,
+        parameters=args.open, platforms=args.platform, method=args.method or "auto", **others,
+    )  # fmt: skip
+    size = Path(args.output).stat().st_size
+    data = {"model": model.name, "scenario": scenario, "output": args.output, "bytes": size}
+    lines = [f"{args.output}: {size / 1e6:.2f} MB, FMI {args.fmi}.0 of {model.name}"]
+    lines += [f"{entry.where} {entry.text}" for entry in report.of("read")]
+    lines += [f"note: {e.where}: {e.text}" for kind in ("left out", "warning")
+              for e in report.of(kind)]  # fmt: skip
+    return Answer(data | {"report": report.to_dict()}, "\n".join(lines))
 
 
 def _drawn(args: Namespace, film: bool) -> Answer:

@@ -24,7 +24,6 @@ from .library import CALLED, LINKED, PLATFORMS, Platform
 
 FLAGS = ("-std=c11", "-O2", "-Wall", "-Wextra", "-Werror", "-fvisibility=hidden", "-DPGRAPH_BUILDS",
          "-ffp-contract=off", "-fno-sanitize=undefined", "-s", "-shared")  # fmt: skip
-FILTERS = [{"id": lzma.FILTER_X86}, {"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME}]
 
 
 def main(names: list[str]) -> None:
@@ -34,18 +33,25 @@ def main(names: list[str]) -> None:
     if stale:
         raise SystemExit(f"the archive is older than {stale[0]}; python -m pgraph_core.engine")
     library.LIBRARIES.mkdir(exist_ok=True)
-    whole = bitcode()
+    whole, digests = bitcode(), dict(library.about().get("sources", {}))
     for name in names or PLATFORMS:
         made = linked(object_of(whole, PLATFORMS[name]), PLATFORMS[name])
         path = library.packed_file(name)
-        path.write_bytes(lzma.compress(made, filters=FILTERS))
+        path.write_bytes(lzma.compress(made, filters=_filters(name)))
+        digests[name] = library.digest()
         print(f"{path.name}: {len(made)} bytes, {path.stat().st_size} compressed", flush=True)
     about = {
-        "sources": library.digest(),
+        "sources": digests,
         "kernels": library.kernels_digest(),
         "made_by": {"llvmlite": version("llvmlite"), "ziglang": linker},
     }
     library.ABOUT.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+
+
+def _filters(name: str) -> list[dict[str, int]]:
+    """Return the filters of lzma, of which one knows jumps of x86."""
+    jumps = [{"id": lzma.FILTER_X86}] if name.startswith("x86") else []
+    return [*jumps, {"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME}]
 
 
 def bitcode() -> bytes:

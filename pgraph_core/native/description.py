@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 from xml.etree import ElementTree as Xml
 
-from ..tolerances import SOLVED
 from ..simulation.plan import VERSION
+from ..tolerances import SOLVED
 from .image import DERIVATIVE, INPUT, OUTPUT, PARAMETER, STATE, TIME, Exported, Variable
 
 Element = Xml.Element
@@ -45,9 +45,16 @@ class Fmu(NamedTuple):
         """What outputs and derivatives depend on: inputs, and the states of model exchange."""
         return self.numbers(STATE, INPUT) if MODEL_EXCHANGE in self.kinds else self.numbers(INPUT)
 
+    @property
+    def outputs(self) -> list[int]:
+        """The outputs. Those of a model without any are its coordinates and velocities."""
+        return self.numbers(OUTPUT) or self.numbers(STATE)
+
     def dependencies(self, k: int) -> list[int]:
         """Return the variables on which an output or a derivative depends."""
         one = self.variables[k]
+        if one.kind == STATE:
+            return [k] if MODEL_EXCHANGE in self.kinds else []
         return [x for x in self.knowns if one.immediate or self.variables[x].kind == STATE]
 
     @property
@@ -101,9 +108,11 @@ def _experiment(root: Element, fmu: Fmu, more: Mapping[str, str]) -> None:
     Xml.SubElement(root, "DefaultExperiment", {**span, "tolerance": repr(tolerance), **more})
 
 
-def _facts(fmu: Fmu, one: Variable) -> dict[str, str]:
+def _facts(fmu: Fmu, k: int) -> dict[str, str]:
     """Return the attributes of a variable that both versions share."""
-    found = {"causality": CAUSALITY[one.kind], "variability": "continuous"}
+    one = fmu.variables[k]
+    causality = CAUSALITY[OUTPUT if k in fmu.outputs else one.kind]
+    found = {"causality": causality, "variability": "continuous"}
     if one.about:
         found["description"] = one.about
     if one.kind == PARAMETER:
@@ -156,10 +165,10 @@ def fmi3(fmu: Fmu) -> bytes:
     for k, one in enumerate(fmu.variables):
         more = {"derivative": str(states[one.read])} if one.kind == DERIVATIVE else {}
         Xml.SubElement(group, "Float64", {
-            "name": one.name, "valueReference": str(k), **_facts(fmu, one), **_numbers(one), **more,
+            "name": one.name, "valueReference": str(k), **_facts(fmu, k), **_numbers(one), **more,
         })  # fmt: skip
     structure = Xml.SubElement(root, "ModelStructure")
-    for tag, numbers in (("Output", fmu.numbers(OUTPUT)),
+    for tag, numbers in (("Output", fmu.outputs),
                          ("ContinuousStateDerivative", fmu.numbers(DERIVATIVE))):  # fmt: skip
         for k in numbers:
             on = " ".join(map(str, fmu.dependencies(k)))
@@ -189,12 +198,12 @@ def fmi2(fmu: Fmu) -> bytes:
     states = fmu.numbers(STATE)
     for k, one in enumerate(fmu.variables):
         scalar = Xml.SubElement(group, "ScalarVariable", {
-            "name": one.name, "valueReference": str(k), **_facts(fmu, one),
+            "name": one.name, "valueReference": str(k), **_facts(fmu, k),
         })  # fmt: skip
         more = {"derivative": str(states[one.read] + 1)} if one.kind == DERIVATIVE else {}
         Xml.SubElement(scalar, "Real", {**_numbers(one), **more})
     structure = Xml.SubElement(root, "ModelStructure")
-    for tag, numbers in (("Outputs", fmu.numbers(OUTPUT)), ("Derivatives", fmu.numbers(DERIVATIVE)),
+    for tag, numbers in (("Outputs", fmu.outputs), ("Derivatives", fmu.numbers(DERIVATIVE)),
                          ("InitialUnknowns", fmu.unknowns)):  # fmt: skip
         inside = Xml.SubElement(structure, tag) if numbers else structure
         for k in numbers:

@@ -104,7 +104,8 @@ class NativeRun(LiveRun):
             "external": zeros(frame), "work": np.zeros_like(self.record.scene.work),
             "position": zeros((1, nb, 3)), "rotation": zeros((1, nb, 9)),
             "velocity": zeros(frame), "acceleration": zeros(frame), "force": zeros(frame),
-            "pose": zeros((1, nb, 7)), "readings": zeros((1, max(self.sensors.width, 1))), "x": zeros(nq + nv),
+            "pose": zeros((1, nb, 7)), "readings": zeros((1, max(self.sensors.width, 1))),
+            "x": zeros(nq + nv),
         }  # fmt: skip
         super()._lay_out()
 

@@ -100,13 +100,13 @@ def about() -> dict[str, Any]:
     return json.loads(ABOUT.read_text(encoding="utf-8")) if ABOUT.is_file() else {}
 
 
-def stale() -> str:
-    """Return the reason why the libraries do not match the sources, or ""."""
-    made = about().get("sources")
+def stale(platform: str) -> str:
+    """Return the reason why a library does not match the sources, or ""."""
+    made = about().get("sources", {}).get(platform)
     if made == digest():
         return ""
-    what = "have not been made" if made is None else "are older than the kernels"
-    return f"the libraries of the kernels {what}; make them again: {COMMAND}"
+    what = "has not been made" if made is None else "is older than the kernels or the C files"
+    return f"the library for {platform} {what}; make it again: {COMMAND} {platform}"
 
 
 def packed_file(platform: str) -> Path:
@@ -119,13 +119,9 @@ def library(platform: str) -> bytes:
     if platform not in PLATFORMS:
         text = f"must be one of {choices(PLATFORMS)}, got {platform!r}"
         raise InputError(Problem("export", "platforms", text))
-    if reason := stale():
+    if reason := stale(platform):
         raise InputError(Problem("export", "platforms", reason))
-    path = packed_file(platform)
-    if not path.is_file():
-        text = f"this installation has no library for {platform}; make it: {COMMAND} {platform}"
-        raise InputError(Problem("export", "platforms", text))
-    return lzma.decompress(path.read_bytes())
+    return lzma.decompress(packed_file(platform).read_bytes())
 
 
 def here() -> str:

@@ -18,8 +18,8 @@ from ..integrators import METHODS
 from ..model import Model
 from ..model.files import write_atomic
 from .description import CO_SIMULATION, MODEL_EXCHANGE, Fmu, fmi2, fmi3
-from .image import INPUT, OUTPUT, PARAMETER, Exported, Wanted
-from .library import HERE, PLATFORMS, SOURCES, here, library
+from .image import INPUT, OUTPUT, PARAMETER, READ, STATE, Exported, Wanted
+from .library import HERE, PLATFORMS, SOURCES, here, library, packed_file
 
 KINDS = (CO_SIMULATION, MODEL_EXCHANGE)
 EXAMPLES = HERE / "examples"
@@ -61,7 +61,8 @@ def write_fmu(
     inputs : sequence of str, optional
         Names of motors, servos and actuators with a constant input. The default is all of them.
     outputs : sequence of str, optional
-        Names of outputs of the model. The default is all that can travel.
+        Names of outputs of the model. The default is all that can travel. If there are none, the
+        coordinates and velocities are outputs.
     parameters : sequence of str
         Fields that the importer may change before a run, such as "bodies.rod.damping.0", or with
         their range, "forces.hold.kp=0:10".
@@ -177,7 +178,7 @@ def write_c(
     report = Report(folder.name)
     wanted = _wanted(model, inputs, outputs, parameters, scenario, method, step, rtol, report)
     exported = Exported(model, wanted)
-    files = {path.name: path.read_bytes() for path in sorted(EXAMPLES.iterdir()) if path.is_file()}
+    files = {path.name.removesuffix(".in"): path.read_bytes() for path in EXAMPLES.iterdir()}
     files |= {"pgraph.h": (SOURCES / "pgraph.h").read_bytes(), "model.bin": exported.content()}
     for name in _platforms(platforms, report):
         files[f"{name}/{PLATFORMS[name].file}"] = library(name)
@@ -238,8 +239,6 @@ def _wanted(
             text = f"must be a list of names, as in {name}=['NAME'], got {shown(value)}"
             raise InputError(Problem("export", name, text))
     if outputs is None:
-        from .image import READ
-
         outputs = [one.name for one in model.outputs if one.kind in READ]
         for one in model.outputs:
             if one.kind not in READ:
@@ -253,8 +252,6 @@ def _wanted(
 
 def _platforms(platforms: Sequence[str] | None, report: Report) -> list[str]:
     """Return the platforms that are written. Raises InputError if there is no library for any."""
-    from .library import packed_file
-
     if platforms is None:
         found = [name for name in PLATFORMS if packed_file(name).is_file()]
         for name in found:
@@ -293,6 +290,8 @@ def _zipped(files: dict[str, bytes]) -> bytes:
 def _told(exported: Exported, report: Report) -> None:
     """Add what the variables of an export are, and its method."""
     words = {INPUT: "an input", OUTPUT: "an output", PARAMETER: "a parameter"}
+    if not any(one.kind == OUTPUT for one in exported.variables):
+        words[STATE] = "an output, since the model has no others"
     for one in exported.variables:
         if one.kind in words:
             unit = f" [{one.unit}]" if one.unit else ""

@@ -1,0 +1,254 @@
+"""The C library has the bits of `simulate`, and says what it refuses."""
+
+import subprocess
+import sys
+from functools import partial
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import pgraph_models
+from pgraph_core.native import library, writing
+from pgraph_core.native.image import Exported, Wanted
+from tests.native_runs import Instance, has_library, instance
+from tests.nights import at_night
+
+pytestmark = has_library
+SMOOTH = ("rk4", "semi_implicit_euler", "dopri5", "dop853")
+RODS = pg.Shape(kind="box", size=(0.5, 0.02, 0.02), position=(0.25, 0, 0))
+
+
+def arm(**more):
+    """Two rods with all kinds of inputs, and every output that travels."""
+    upper = pg.Body(
+        name="upper arm", axes=(0, 1, 0), mass=1.2, shape=RODS, derived=("com", "inertia")
+    )
+    hand = upper.model_copy(update={"name": "hand", "parent": "upper arm", "link": (0.5, 0, 0)})
+    forces = [
+        pg.Motor(name="drive", body="upper arm", torque=0.3, lag=more.pop("lag", 0.0)),
+        pg.Servo(name="hold", body="hand", target=0.2, kp=4.0, kd=0.1, input_high=3.0),
+        pg.LinearActuator(name="pull", body="hand", other="ground", point=(0.1, 0, 0),
+                          other_point=(1.0, 0, 0.3), gain=2.0, force_high=3.0),
+    ]  # fmt: skip
+    outputs = [pg.Output(name=f"the {kind}", kind=kind, at="hand") for kind in writing.READ]
+    return pg.Model(bodies=[upper, hand], forces=forces, outputs=outputs, **more)
+
+
+def final(model, t_end, **call):
+    run = pg.simulate(model, t_end=t_end, estimate=False, **call)
+    return np.concatenate((run.q[-1], run.v[-1])), run
+
+
+def load(name):
+    return pg.load(pgraph_models.path(name))
+
+
+USUAL = ("double_pendulum", "four_bar", "heavy_top", "falling_rod", "quadruped_muscles")
+OTHERS = [name for name in pgraph_models.names() if name not in USUAL]
+
+
+@pytest.mark.parametrize("name", [*USUAL, *at_night(*OTHERS)])
+def test_the_library_has_the_bits_of_a_run(name):
+    """With every method that the scene takes, in every scenario."""
+    model, count = load(name), 120
+    for scenario in (None, *(s.name for s in model.scenarios)):
+        for method in (*SMOOTH, "moreau_jean"):
+            try:
+                exported = Exported(model, Wanted(method=method, scenario=scenario))
+            except pg.InputError:  # with contacts moreau_jean alone, without them all others
+                continue
+            step, found = exported.setup.step, Instance(exported.content()).start()
+            call = {"method": method, "step": step, "scenario": scenario}
+            run = pg.simulate(model, t_end=count * step, estimate=False, **call)
+            if not run.status.ok:
+                with pytest.raises(ValueError, match="stopped at t ="):
+                    found.call("step", count)
+                continue
+            found.call("step", count)
+            np.testing.assert_array_equal(found.state, [*run.q[-1], *run.v[-1]])
+            assert found.t == run.t[-1]
+
+
+@pytest.mark.parametrize("method", ["rk4", "dop853"])
+def test_inputs_parameters_and_outputs_have_the_bits_of_a_stepper(method):
+    fields = ("bodies.hand.link.0", "forces.hold.kp", "gravity.2")
+    found = instance(arm(), method=method, parameters=fields)
+    found["bodies.hand.link.0"], found["forces.hold.kp"] = 0.6, 5.0
+    found.start()
+    changed = arm().edit({"bodies.hand.link.0": 0.6, "forces.hold.kp": 5.0})
+    stepper = pg.Stepper(changed, step=1e-3, method=method)
+    for u in (0.1, -0.4, 0.7):
+        inputs = {"drive": u, "hold": 2 * u, "pull": 3 * u}
+        for name, x in inputs.items():
+            found[name] = x
+        stepper.step(n=100, inputs=inputs)
+        found.call("step", 100)
+        np.testing.assert_array_equal(found.state, [*stepper.q, *stepper.v])
+        for name, x in stepper.outputs.items():
+            parts = [""] if np.ndim(x) == 0 else [f".{i}" for i in "wxyz"[-len(x) :]]
+            np.testing.assert_array_equal([found[name + part] for part in parts], np.ravel(x))
+
+
+def test_a_drive_with_a_lag_follows_its_input_as_in_a_stepper():
+    found, stepper = instance(arm(lag=0.05)).start(), pg.Stepper(arm(lag=0.05), step=1e-3)
+    for u in (0.1, -0.4):
+        found["drive"] = u
+        stepper.step(n=50, inputs={"drive": u})
+        found.call("step", 50)
+        np.testing.assert_array_equal(found.state, [*stepper.q, *stepper.v])
+    with pytest.raises(ValueError, match="starts at t = 0 s"):
+        found.start(1.0)
+
+
+def test_steps_that_do_not_divide_the_time_are_those_of_a_run():
+    found = instance(load("double_pendulum")).start()
+    found.call("advance", 0.0123)
+    times = [0.0123]
+    run = pg.simulate(load("double_pendulum"), t_eval=times, t_end=0.0123, step=1e-3, method="rk4",
+                      estimate=False)  # fmt: skip
+    np.testing.assert_array_equal(found.state, [*run.q[-1], *run.v[-1]])
+    assert found.t == 0.0123
+
+
+def test_chosen_steps_meet_their_tolerance_and_end_where_asked():
+    model = load("double_pendulum")
+    found = instance(model, rtol=1e-9).start()
+    for _ in range(10):
+        found.call("advance", 0.1)
+    want, _ = final(model, 1.0, rtol=1e-12)
+    assert abs(found.t - 1.0) <= 4 * np.finfo(float).eps
+    np.testing.assert_allclose(found.state, want, atol=1e-7)
+
+
+@pytest.mark.parametrize("case", [("quadruped_hips", "trot"), ("four_bar", "turn")])
+def test_a_saved_state_repeats_the_motion_in_every_instance(case):
+    """The state has no address, so two instances at different places have the same bytes."""
+    name, scenario = case
+    content = Exported(load(name), Wanted(scenario=scenario)).content()
+    one, other = Instance(content).start(), Instance(content).start()
+    one.call("step", 37)
+    kept = one.save()
+    one.call("step", 50)
+    other.restore(kept)
+    np.testing.assert_array_equal(other.save(), kept)
+    other.call("step", 50)
+    np.testing.assert_array_equal(other.state, one.state)
+    np.testing.assert_array_equal(other.save(), one.save())
+    one.restore(kept)
+    one.call("step", 50)
+    np.testing.assert_array_equal(other.state, one.state)
+
+
+def test_instances_are_independent_in_threads():
+    content = Exported(load("quadruped_hips"), Wanted(scenario="trot")).content()
+    from concurrent.futures import ThreadPoolExecutor
+
+    def ran(_):
+        one = Instance(content).start()
+        for _ in range(20):
+            one.call("step", 2)
+        return one.state
+
+    with ThreadPoolExecutor(4) as pool:
+        states = [*pool.map(ran, range(20))]
+    assert all(np.array_equal(state, states[0]) for state in states)
+
+
+# -- refusals --------------------------------------------------------------------------------------
+
+
+def test_a_damaged_file_is_refused_with_the_reason():
+    content = Exported(load("pendulum"), Wanted()).content()
+    for place in (200, len(content) // 2, len(content) - 3):
+        wrong = bytearray(content)
+        wrong[place] ^= 1
+        with pytest.raises(ValueError, match=r"damaged|another version|no file"):
+            Instance(bytes(wrong))
+    for wrong in (content[:-8], content[:100], b"", b"x" * 5000):
+        with pytest.raises(ValueError, match=r"damaged|no file"):
+            Instance(wrong)
+    other = bytearray(content)
+    other[16:24] = b"otherone"
+    with pytest.raises(ValueError, match=r"another version of Pgraph"):
+        Instance(bytes(other))
+
+
+def test_wrong_calls_of_the_library_are_refused_with_the_variable_and_the_bounds():
+    found = instance(arm(), parameters=["forces.hold.kp=1:9"])
+    with pytest.raises(ValueError, match="not been started"):
+        found.call("step", 1)
+    with pytest.raises(ValueError, match=r"'forces.hold.kp' must be from 1 to 9, given 10"):
+        found["forces.hold.kp"] = 10.0
+    found.start()
+    for name, value, text in (
+        ("forces.hold.kp", 2.0, "before the start"),
+        ("hold", 4.0, "'hold' must be from -inf to 3, given 4"),
+        ("drive", np.nan, "'drive' must be a finite number"),
+        ("the gyro.x", 1.0, "'the gyro.x' is computed"),
+        ("nothing", 1.0, "no variable has the number -1"),
+    ):
+        with pytest.raises(ValueError, match=text):
+            found[name] = value
+    for name, value in (("step", 0), ("advance", -1.0), ("advance", np.inf)):
+        with pytest.raises(ValueError, match=r"at least 1|> 0 s"):
+            found.call(name, value)
+
+
+WRONG = [
+    ({"method": "radau5"}, "radau5", "rk4"),
+    ({"method": "rk4", "rtol": 1e-6}, "rtol", "rk4"),
+    ({"step": -1.0}, "step", "-1"),
+    ({"inputs": ["nobody"]}, "nobody", "drive"),
+    ({"outputs": ["nobody"]}, "nobody", "the gyro"),
+    ({"inputs": "drive"}, "inputs", "['NAME']"),
+    ({"parameters": ["bodies.hand.damping.0=0:1"]}, "bodies.hand.damping.0", "sizes of its tables"),
+    ({"platforms": ["vax"]}, "vax", "x86_64-linux"),
+    ({"platforms": []}, "platforms", "x86_64-linux"),
+]
+
+
+@pytest.mark.parametrize(("given", "part", "allowed"), WRONG)
+def test_what_cannot_travel_is_refused_and_nothing_is_written(given, part, allowed, tmp_path):
+    for write in (partial(pg.write_c, arm()), partial(pg.write_fmu, arm())):
+        path = tmp_path / "arm.fmu"
+        with pytest.raises(pg.InputError) as refused:
+            write(path, **given)
+        assert part in str(refused.value)
+        assert allowed in str(refused.value)
+        assert not path.exists()
+
+
+def test_an_output_that_does_not_travel_is_left_out_or_refused(tmp_path):
+    model = arm().add(pg.Output(name="load", kind="force", at="hand"))
+    report = pg.write_c(model, tmp_path / "out")
+    assert any("load" in str(line) and "force" in str(line) for line in report.of("left out"))
+    with pytest.raises(pg.InputError, match="force"):
+        pg.write_c(model, tmp_path / "other", outputs=["load"])
+
+
+def test_the_examples_of_a_folder_run(tmp_path):
+    """The one in Python here, that in C where there is a compiler."""
+    import shutil
+
+    pg.write_c(arm(), tmp_path, platforms=[library.here()])
+    done = subprocess.run([sys.executable, "-S", "example.py"], cwd=tmp_path, capture_output=True,
+                          text=True, check=True)  # fmt: skip
+    rows = done.stdout.splitlines()
+    want, _ = final(arm(), 1.0, step=1e-3, method="rk4")
+    assert rows[0].startswith("time,upper arm,hand,v.upper arm,v.hand,")
+    np.testing.assert_array_equal(np.array(rows[-1].split(",")[1:5], float), want)
+    if (compiler := shutil.which("cc")) is None:
+        return
+    place = str(tmp_path / library.here() / library.PLATFORMS[library.here()].file)
+    call = [compiler, "-std=c11", "-Wall", "-Werror", "example.c", place, "-o", "example"]
+    subprocess.run(call, cwd=tmp_path, check=True)
+    again = subprocess.run(["./example"], cwd=tmp_path, env={}, capture_output=True, text=True,
+                           check=True)  # fmt: skip
+    assert again.stdout == done.stdout
+
+
+def test_the_libraries_are_of_these_sources():
+    """The lead makes them again after a change of kernels: python -m pgraph_core.native."""
+    assert [text for name in library.about()["sources"] if (text := library.stale(name))] == []
+    assert library.here() in library.about()["sources"]
