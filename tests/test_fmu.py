@@ -26,8 +26,8 @@ def load(name):
 
 def states_of(path):
     described = fmpy.read_model_description(str(path))
-    local = [v.name for v in described.modelVariables if v.causality == "local"]
-    return [name for name in local if not name.startswith("der(")]
+    own = (v for v in described.modelVariables if v.causality in ("local", "output"))
+    return [v.name for v in own if v.start is not None]
 
 
 def run(path, kind, t_end, step, **more):
