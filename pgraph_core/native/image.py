@@ -16,6 +16,7 @@ from ..engine.signals import NUMBER_AT
 from ..errors import InputError, Problem, choices
 from ..forces import Driven
 from ..forces.linear_actuator import GIVEN as GIVEN_INPUT
+from ..forces.linear_actuator import LinearActuator
 from ..forces.strut import PULL
 from ..integrators import METHODS
 from ..joints import units_of
@@ -31,7 +32,7 @@ from ..model.settings import STEP
 from ..packing.signals import inputs_of_states
 from ..result.columns import coordinates
 from ..signals.meaning import unit as unit_of
-from ..simulation.inputs import Input, InputOfPath, Inputs
+from ..simulation.inputs import Input, InputInKnots, Inputs
 from ..simulation.options import RTOL
 from ..tolerances import SOLVED
 from .library import LINKED, SOURCES, kernels_digest
@@ -245,23 +246,29 @@ class Exported:
         place, low_high = self.run.image.place, force.inputs
         bodies = {body.name: body for body in self.model.bodies}
         dim = wanted_dim(force, force.INPUT, bodies)
-        if isinstance(one, InputOfPath):
+        if isinstance(one, InputInKnots) and not isinstance(force, LinearActuator):
+            return self._not_an_input(force, "is a law that the library does not know")
+        if isinstance(one, InputInKnots):
             at, (least, most) = place(one.knots) + one.knots.strides[0] * one.knot, force.forces
             pull = Effect(at + 8 * PULL, -force.bias, -force.gain, -most, -least)
             effects = (pull, Effect(at + one.knots.strides[0] + 8 * GIVEN_INPUT))
         elif isinstance(one, Input):
             lag, integrates, *_ = one.follows
             if integrates:
-                if self.wanted.inputs is not None:
-                    text = "integrates its input, which does not travel; leave it out by inputs="
-                    raise InputError(Problem(f"force '{force.name}'", "input", text))
-                return []
+                return self._not_an_input(force, "integrates its input, which does not travel")
             at = place(one.knots) + one.knots.strides[0] * one.knot + 8
             effects = (Effect(at, one.start, one.slope, lag=lag),)
         else:
             effects = (Effect(place(one.row) + 8 * NUMBER_AT),)
         unit, about = unit_of(dim) if dim else "", f"{force.INPUT} of a {force.kind}"
         return [Variable(force.name, INPUT, one.u, unit, about, -1, effects, *low_high)]
+
+    def _not_an_input(self, force: Any, why: str) -> list[Variable]:
+        """Leave an input out. Raises InputError if it was asked for."""
+        if self.wanted.inputs is not None and force.name in self.wanted.inputs:
+            text = f"{why}; leave it out by inputs="
+            raise InputError(Problem(f"force '{force.name}'", force.INPUT, text))
+        return []
 
     # -- the file ----------------------------------------------------------------------------------
 

@@ -103,7 +103,7 @@ def about() -> dict[str, Any]:
 def stale(platform: str) -> str:
     """Return the reason why a library does not match the sources, or ""."""
     made = about().get("sources", {}).get(platform)
-    if made == digest():
+    if made == digest() and packed_file(platform).is_file():
         return ""
     what = "has not been made" if made is None else "is older than the kernels or the C files"
     return f"the library for {platform} {what}; make it again: {COMMAND} {platform}"

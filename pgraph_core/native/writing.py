@@ -19,7 +19,7 @@ from ..model import Model
 from ..model.files import write_atomic
 from .description import CO_SIMULATION, MODEL_EXCHANGE, Fmu, fmi2, fmi3
 from .image import INPUT, OUTPUT, PARAMETER, READ, STATE, Exported, Wanted
-from .library import HERE, PLATFORMS, SOURCES, here, library, packed_file
+from .library import HERE, PLATFORMS, SOURCES, here, library, stale
 
 KINDS = (CO_SIMULATION, MODEL_EXCHANGE)
 EXAMPLES = HERE / "examples"
@@ -253,7 +253,7 @@ def _wanted(
 def _platforms(platforms: Sequence[str] | None, report: Report) -> list[str]:
     """Return the platforms that are written. Raises InputError if there is no library for any."""
     if platforms is None:
-        found = [name for name in PLATFORMS if packed_file(name).is_file()]
+        found = [name for name in PLATFORMS if not stale(name)]
         for name in found:
             if not PLATFORMS[name].tested:
                 report.add("warning", name, "no test has run this library")
