@@ -14,7 +14,7 @@ from pgraph_core.packing.cable_lines import faults_of
 from pgraph_core.rotation import matrix, unit_vector
 from pgraph_core.shapes import kind_of
 
-from ..core.cells import Display, Refusal, content, replaced
+from ..core.cells import Display, Refusal, content, quoted, replaced
 from ..core.state import derive, of_model
 from .curves import plain
 from .gains import GROUND
@@ -319,9 +319,9 @@ def changed(
             stations[k] = station(model, _body(model, text))
             return settled(model, stations, data["closed"])
         case "side":
-            one["side"] = int(text) if text else None
+            one["side"] = chosen(SIDE_OF, text)
         case "grip":
-            one["grip"] = {"": None, "yes": True, "no": False}[text]
+            one["grip"] = chosen(GRIP_OF, text)
             one["friction"] = None if text else one.get("friction")
         case "friction":
             one["friction"] = None if empty else content(text, "number", display)
@@ -340,6 +340,17 @@ def changed(
             old = (0.0, 0.0, 0.0) if given is None else tuple(given)
             one[key] = replaced(old, tuple(component), content(text, of, display))
     return tuple(stations)
+
+
+SIDE_OF = {"": None, "1": 1, "-1": -1}
+GRIP_OF = {"": None, "yes": True, "no": False}
+
+
+def chosen(values: Mapping[str, Any], text: str) -> Any:
+    """Return the value of a choice. Raises Refusal."""
+    if text not in values:
+        raise Refusal(f"must be one of {', '.join(filter(None, values))}, got {quoted(text)}")
+    return values[text]
 
 
 def _body(model: pg.Model, text: str) -> str:

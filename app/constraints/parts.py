@@ -11,6 +11,7 @@ from pgraph_core.fields import PAIR
 from pgraph_core.joints import SIZE
 from pgraph_core.model.editing import free_name
 from pgraph_core.model.expressions import Known
+from pgraph_core.model.parameters import evaluated
 from pgraph_core.signals import is_expression, parsed, with_names, written
 from pgraph_core.signals.meaning import dim_of
 from pgraph_core.units import NONE, UNITS
@@ -303,12 +304,20 @@ def _typed(
     if not text.strip():
         return {**data, field: None}
     new = content(text, of, display)
-    if field == "kd" and data["filter"] is None and data["kp"]:
-        data["filter"] = abs(float(new) / (10 * data["kp"])) or None  # kd needs one: a common value
+    if field == "kd" and isinstance(item, pg.PID) and item.filter is None and item.kp:
+        data["filter"] = abs(valued(model, new) / (10 * item.kp)) or None  # a common value
     if not index:
         return {**data, field: new}
     old = data.get(field) or places.implied(model, item, field, at) or (0.0, 0.0, 0.0)
     return {**data, field: replaced(tuple(old), index, new)}
+
+
+def valued(model: pg.Model, given: float | str) -> float:
+    """Return a number, or the value of a formula. Raises Refusal."""
+    try:
+        return evaluated(given, model.parameters) if isinstance(given, str) else given
+    except ValueError as problem:
+        raise Refusal(str(problem)) from None
 
 
 def shape_of(text: str) -> dict[str, float]:

@@ -43,7 +43,7 @@ pgraph.cells = (() => {
     const untouched = !dirty(cell) || cell.dataset.shown === undefined;
     cell.dataset.full = String(value);
     if (!cell.classList.contains("refused")) cell.title = title || cell.dataset.full;
-    if (!untouched || cell.classList.contains("refused")) return;
+    if (!untouched) return;
     show(cell, document.activeElement === cell ? cell.dataset.full : digits(value));
   }
   function show(cell, text) {
@@ -60,6 +60,7 @@ pgraph.cells = (() => {
   function revert(cell) {
     cell.classList.remove("refused", "waiting");
     cell.removeAttribute("aria-invalid");
+    delete cell.dataset.sent;
     sentence(cell, "");
     show(cell, document.activeElement === cell ? cell.dataset.full : settled(cell));
   }
@@ -90,7 +91,7 @@ pgraph.cells = (() => {
   }
 
   // Python's answer: taken, or the sentence that says why not.
-  function reply({ serial, text, offer }) {
+  function reply({ serial, text, offer, failed }) {
     const { cell, doubt } = pending.get(serial) ?? {};
     pending.delete(serial);
     if (doubt) {
@@ -108,6 +109,8 @@ pgraph.cells = (() => {
       if (cell.value === cell.dataset.sent) revert(cell);
       return;
     }
+    // A choice that stayed could not be made again, and a fault is not a matter of the text.
+    if (failed || cell.matches("select")) revert(cell);
     refuse(cell, text, offer);
   }
   function refuse(cell, text, offer = "") {
@@ -276,7 +279,7 @@ pgraph.cells = (() => {
   }
   function choose(cell, value) {
     cell.dataset.full = value;
-    if (cell.classList.contains("refused") || cell.classList.contains("waiting")) return;
+    if (cell.classList.contains("waiting")) return;
     if (![...cell.options].some((option) => option.value === value)) {
       cell.replaceChildren(make("option", { value, textContent: cell.textOf(value) }));
     }

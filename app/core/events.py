@@ -149,6 +149,43 @@ def update(state: S, event: Event) -> S:
     return event.applied(state)
 
 
+def failed(state: S, event: Event, error: Exception) -> S:
+    """Return the state after an event that raised an error by a fault of the program.
+
+    Its page is told at the cell that was typed into, which shows the value of the model again, or
+    by a notice. All pages are told about an event of the server.
+    """
+    cause = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+    text = (
+        f"a fault of Pgraph prevented this ({type(event).__name__}, {cause}); nothing was changed. "
+        "The log has the details: please report them"
+    )
+    client, serial = getattr(event, "client", None), getattr(event, "serial", None)
+    if serial:
+        return replied(state, client or 0, serial, text, failed=True)
+    notice = Notice("Not done", f"{text[0].upper()}{text[1:]}.", bad=True)
+    for page in state.clients if client is None else (client,):
+        state = told(state, page, notice)
+    return state
+
+
+class Undrawn(Event):
+    """A view of the page, or a worker, has failed on the newest state."""
+
+    view: str
+    error: Exception
+
+    def applied(self, state: S) -> S:
+        cause = " ".join(f"{type(self.error).__name__}: {self.error}".split())[:200]
+        text = (
+            f"A fault of Pgraph prevented the view {self.view} ({cause}), so parts of the page may "
+            "show earlier values. The log has the details: please report them."
+        )
+        for page in state.clients:
+            state = told(state, page, Notice("Not drawn", text, bad=True))
+        return state
+
+
 def of_selection(state: State, event: Any) -> Any:
     """Apply an event without bodies to those currently selected on its page.
 

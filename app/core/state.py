@@ -34,6 +34,7 @@ class Reply:
     serial: int
     text: str
     offer: str = ""  # label of a repair button, e.g. "use the nearest possible"
+    failed: bool = False  # the cell shows the value of the model again
 
 
 @dataclass(frozen=True)
@@ -208,9 +209,11 @@ def told(state: S, client: int, notice: Notice) -> S:
     return with_client(state, client, notice=notice)
 
 
-def replied(state: S, client: int, serial: int, text: str = "", offer: str = "") -> S:
+def replied(
+    state: S, client: int, serial: int, text: str = "", offer: str = "", failed: bool = False
+) -> S:
     """Return `state` with a reply to one page's typed cell, where "" accepts it."""
-    return with_client(state, client, reply=Reply(serial, text, offer))
+    return with_client(state, client, reply=Reply(serial, text, offer, failed))
 
 
 def display_of(state: State, client: int) -> Display:

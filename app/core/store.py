@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
-from .events import Event, FromPage, Leaving, ModelEdit, Tick, update
+from .events import Event, FromPage, Leaving, ModelEdit, Tick, Undrawn, failed, update
 from .state import State
 
 FRAME = 1 / 60  # [s] between ticks while playing
@@ -180,15 +180,19 @@ class Store:
                 self._apply(event)
 
     def _apply(self, event: Event) -> None:
-        """Apply an event, or several drawn as one. Exceptions are logged and the loop continues."""
+        """Apply an event, or several drawn as one.
+
+        An exception is logged, its page is told, and the loop continues.
+        """
         began = time.perf_counter()
         name = type(event).__name__
         old = self.state
         for one in (event, *self._events.more(event)):
             try:
                 self.state = self._update(self.state, one)
-            except Exception:
+            except Exception as error:
                 log.exception("the event %s failed; the state stays as it was", name)
+                self.state = failed(self.state, one, error)
         spent = {"update": time.perf_counter() - began}
         if self.state is not old:
             spent |= self._render(self._workers, old, self.state)
@@ -212,16 +216,21 @@ class Store:
             return self._render(self._views, old, new)
 
     def _render(self, views: Sequence[View], old: State, new: State) -> dict[str, float]:
-        """Draw the views and return the seconds spent by each. A failed view is tried again."""
+        """Draw the views and return the seconds spent by each.
+
+        A failed view is tried again with each change, and the pages are told at its first failure.
+        """
         spent = dict[str, float]()
         for view in views:
             began = time.perf_counter()
-            had = self._missed.pop(id(view), old)
+            known, had = id(view) in self._missed, self._missed.pop(id(view), old)
+            name = getattr(view, "name", type(view).__name__)
             try:
                 view.render(had, new)
-            except Exception:
+            except Exception as error:
                 self._missed[id(view)] = had
                 log.exception("%s could not draw", type(view).__name__)
-            name = getattr(view, "name", type(view).__name__)
+                if not known:
+                    self.send(Undrawn(name, error))
             spent[name] = spent.get(name, 0.0) + time.perf_counter() - began
         return spent

@@ -47,7 +47,15 @@ def stretched(model: pg.Model, names: tuple[str, ...], length: float) -> pg.Mode
         for child in model.bodies:
             if child.parent == name and _at(child.link, end):
                 changes.setdefault(child.name, {})["link"] = _tuple(moved[name][1])
-    return _points_moved(model.edit_all(changes), moved)
+    found = _points_moved(model.edit_all(changes), moved)
+    for name in names:
+        reached = float(np.linalg.norm(end_of(found.body(name))))
+        if not math.isclose(reached, length, rel_tol=SAME):
+            raise Refusal(
+                f"would become {reached:.4g} m, as the length of '{name}' is twice the distance of "
+                "its centre of mass, which follows from its shape: give it a tip first"
+            )
+    return found
 
 
 def _own(body: pg.Body, u: np.ndarray, old: float, new: float) -> dict[str, Any]:

@@ -195,7 +195,12 @@ def _inline(kind: PartKind, items: Any, parameters: Container[str]) -> Iterator[
             fields = item
         if isinstance(fields, Mapping) and holds_formula(fields):
             for path, text in formulas_in(fields, (), parameters):
-                yield Formula(part=kind, name=_name(item), path=path, text=text)
+                yield Formula(part=kind, name=_name(item), path=_known(path), text=text)
+
+
+def _known(path: Path) -> Path:
+    """Return the path by which a cell is known: the first of `shapes` is also `shape`."""
+    return ("shape", *path[2:]) if path[:2] == ("shapes", 0) else path
 
 
 def holds_formula(value: Any, depth: int = 0) -> bool:
@@ -252,7 +257,7 @@ def _filled(item: Any, values: Mapping[Path, float]) -> Any:
     data = item if isinstance(item, Mapping) else fields_of(item)
     if derived := set(() if data is item else data.get("derived", ())) - {p[0] for p in new}:
         data = {key: value for key, value in data.items() if key not in derived}
-    if data.get("shape") is not None and data.get("shapes"):  # `shape` is the first of `shapes`
+    if data.get("shapes"):  # `shape` is the first of `shapes`
         data = {key: value for key, value in data.items() if key != "shape"}
         new = {("shapes", 0, *p[1:]) if p[0] == "shape" else p: x for p, x in new.items()}
     data = put(data, new)

@@ -10,7 +10,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.core import edit
-from pgraph_app.core.events import from_page
+from pgraph_app.core.events import from_page, update
 from pgraph_app.core.state import derive, with_client
 from pgraph_app.core.store import Store
 from pgraph_app.core.views import topic
@@ -347,6 +347,43 @@ def test_waiting_news_of_the_server_is_drawn_once_and_a_person_passes_it(state):
     assert drawn.index(next(x for x in drawn if x[1])) <= 3
 
 
+def test_an_event_that_raises_is_told_at_its_cell_or_as_a_notice_and_changes_nothing(state):
+    def broken(now, event):
+        raise KeyError("filter")
+
+    store = Store(state, broken)
+    store.start([])
+    for event in (typed("3", "mass", "2", serial=5), do.AddBody(OTHER, None)):
+        store.send(event)
+    store.stop()
+    mine, other = store.state.clients[ME], store.state.clients[OTHER]
+    assert (mine.reply.serial, mine.reply.failed) == (5, True)
+    for text in (mine.reply.text, other.notice.text):
+        assert all(word in text for word in ("fault of Pgraph", "KeyError", "nothing was changed"))
+    assert mine.notice is None
+    assert other.notice.bad
+    assert store.state.model is state.model
+
+
+def test_a_failed_view_is_told_once_on_all_pages(state):
+    def broken(old, new):
+        if new.jobs:
+            raise RuntimeError("no paint")
+
+    def counted(now, event):
+        return update(now, event) if type(event) is do.Undrawn else replace(now, jobs=now.jobs + 1)
+
+    store = Store(state, counted)
+    store.start([SimpleNamespace(render=broken, name="table")])
+    for body in ("1", "2", "3"):
+        store.send(do.Select(ME, body))
+        until(lambda: not store.waiting, "the events")
+    store.stop()
+    notices = [page.notice for page in store.state.clients.values()]
+    assert all(one.bad and "table" in one.text and "no paint" in one.text for one in notices)
+    assert notices[0] is not None
+
+
 def test_a_view_that_failed_draws_the_whole_change_next_time(state):
     seen, fails = [], [True]
 
@@ -355,7 +392,10 @@ def test_a_view_that_failed_draws_the_whole_change_next_time(state):
             raise RuntimeError
         seen.append((old.jobs, new.jobs))
 
-    store = Store(state, lambda state, event: replace(state, jobs=state.jobs + 1))
+    def counted(now, event):
+        return now if type(event) is do.Undrawn else replace(now, jobs=now.jobs + 1)
+
+    store = Store(state, counted)
     store.start([SimpleNamespace(render=render)])
     store.send(do.Select(ME, None))
     store.send(do.Select(ME, None))

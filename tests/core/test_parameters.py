@@ -122,6 +122,19 @@ def test_a_formula_of_the_same_value_is_still_an_edit(legs):
     assert edited.edit("3", link=("=0.2", 0, 0)) is edited
 
 
+@pytest.mark.parametrize("more", [{}, {"colour": (1, 0, 0)}, {"opacity": "=r"}])
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_formula_in_the_first_of_any_shapes_is_in_the_file(more, count):
+    shapes = [{"kind": "sphere", "radius": "=r", **more}, {"kind": "sphere", "radius": 1.0}]
+    body = {"name": "a", "shapes": shapes[:count]}
+    model = pg.Model(bodies=[body], parameters={"r": 0.3})
+    assert ("shape", "radius") in [f.path for f in model.formulas]
+    again = pg.Model.from_json(model.to_json())
+    assert again == model
+    assert again.replace(parameters={"r": 0.7}).body("a").shapes[0].radius == 0.7
+    assert again.edit("a", mass=2.0).formulas == model.formulas
+
+
 def test_formulas_in_constraints_shapes_and_forces():
     model = pg.Model.from_json(
         """{"parameters": {"r": 0.1}, "bodies": [{"name": "a", "joint": "free",
