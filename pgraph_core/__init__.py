@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from .mechanism import Mechanism as Mechanism
     from .model import PID as PID
     from .model import Actuator as Actuator
+    from .model import Beam as Beam
     from .model import Body as Body
     from .model import Cable as Cable
     from .model import Cam as Cam

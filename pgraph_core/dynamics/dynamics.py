@@ -65,6 +65,7 @@ class Dynamics(Kinematics):
         """Number and pack a valid model. Raises InputError if it is invalid."""
         if not isinstance(model, Model):
             raise wrong_type(type(self).__name__, "model", "a pg.Model", model)
+        model = model.expanded
         packed = Packed(model)
         nq, nv, work = packed.nq, packed.nv, np.zeros((len(packed.rows), at.WORK))
         left, rest = _left_out(model), np.zeros(nv)
@@ -77,7 +78,7 @@ class Dynamics(Kinematics):
         )  # fmt: skip
 
     def __getstate__(self) -> Model:
-        return self.model
+        return self.model.described
 
     def __setstate__(self, model: Model) -> None:
         Dynamics.__init__(self, model)
@@ -100,7 +101,7 @@ class Dynamics(Kinematics):
 
         The mechanism is unchanged if ModelError is raised.
         """
-        return type(self)(self.model.edit(name, **changes))
+        return type(self)(self.model.described.edit(name, **changes))
 
     @for_each_state
     def energy(self, q: Array, v: Array) -> tuple[float, float]:

@@ -20,6 +20,7 @@ from ..forces import Tendon as Tendon
 from ..forces import Torsion as Torsion
 from ..forces import Wrench as Wrench
 from ..functions import Curve as Curve
+from .beam import Beam as Beam
 from .body import Body as Body
 from .body import Shape as Shape
 from .cam import Cam as Cam

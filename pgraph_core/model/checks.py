@@ -13,6 +13,7 @@ from ..joints import quaternion_problems
 from ..shapes import KINDS, kind_of
 from ..signals import written
 from ..stateful import Stateful
+from .beam import Beam
 from .body import Body
 from .cam import Cam
 from .constraint import Constraint, Coupling, OfOne, OfTwo, Rolling, Sum
@@ -21,6 +22,7 @@ from .control import Control
 from .expressions import Known, drives_read, expression_problems, loop_problems
 from .output import OF_CONTACT, OF_JOINT, OF_LOAD, Output, Site
 from .scenario import Scenario, Switch, condition_problems, known_names
+from .segments import MARK, named, place_in, rigid, segment
 from .world import Ground, below_kinetic
 
 Bodies = Mapping[str, Body | None]  # bodies by name, None for invalid ones
@@ -539,6 +541,7 @@ def friction_problems(contacts: Sequence[Contact], ground: Ground) -> list[Probl
 
 PARTS: dict[str, type[Described]] = {
     "bodies": Body,
+    "beams": Beam,
     "constraints": Constraint,
     "contacts": Contact,
     "forces": Force,
@@ -549,12 +552,43 @@ PARTS: dict[str, type[Described]] = {
 }
 
 
+def beam_problems(parts: Mapping[str, Sequence[Any]]) -> list[Problem]:
+    """Check the names of beams and of places along them, and that none carries itself."""
+    beams = {beam.name: beam for beam in parts["beams"]}
+    if not beams:
+        return []
+    found = unique("beam", [beam.name for beam in parts["beams"]])
+    taken = {b.name: "body" for b in parts["bodies"]} | {s.name: "site" for s in parts["sites"]}
+    taken[GROUND] = "body"
+    for name, beam in beams.items():
+        where = f"beam {shown(name)}"
+        if (word := taken.get(name)) is not None:
+            found.append(Problem(where, "name", f"is the name of a {word} too; rename one"))
+        own = next((x for x in taken if x.startswith(segment(name, 0)[:-2])), None)
+        if own is not None and own[len(name) + 1 : -1].isdecimal() and own.endswith("]"):
+            text = f"its segments have names such as {shown(own)}, which a {taken[own]} has too"
+            found.append(Problem(where, "name", f"{text}; rename one"))
+        above = place_in(beam.parent, beams)
+        if above is not None and above[0] == name:
+            text = f"a beam cannot be its own parent, got {shown(beam.parent)}; choose another"
+            found.append(Problem(where, "parent", f"{text}, or ground"))
+    for name in named(parts):
+        of, mark, place = name.rpartition(MARK)
+        if mark and of in beams and name not in taken and place_in(name, beams) is None:
+            text = f"{shown(name)} is no place along it: after {MARK} stands a number from 0 at "
+            text += f"its root to 1 at its tip, as in {shown(of + MARK + '0.5')}, got {place}"
+            found.append(Problem(f"beam {shown(of)}", "", text))
+    return found
+
+
 def model_problems(
     parts: Mapping[str, Sequence[Any]], ground: Ground, parameters: Mapping[str, float]
 ) -> list[Problem]:
     """Return problems between the parts of a model, each of which is valid individually."""
-    bodies = parts["bodies"]
-    others = {key: parts[key] for key in PARTS if key != "bodies"}
+    if found := beam_problems(parts):
+        return found
+    bodies = (*parts["bodies"], *rigid(parts))
+    others = {key: parts[key] for key in PARTS if key not in ("bodies", "beams")}
     names = ([c.name for c in parts["constraints"]], [c.name for c in parts["contacts"]])
     return [
         *tree_problems([b.name for b in bodies], [b.parent for b in bodies]),

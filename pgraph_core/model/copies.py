@@ -12,6 +12,7 @@ from ..forces import Between, BetweenPoints, Force, Wrench
 from ..joints import DIRECTED, SIZE, Motion
 from ..rotation import multiply
 from ..shapes import kind_of
+from .beam import Beam
 from .body import Body, Shape
 from .constraint import Constraint, OfOne, OfTwo
 from .contact import Contact
@@ -63,17 +64,19 @@ def copied(
     root: Body,
     names: Names,
     mirror: Mirror | None = None,
+    places: Sequence[Body] = (),
 ) -> tuple[dict[str, Any], list[str]]:
     """Return all parts including copies for the copied bodies, and a list of parts that cannot be
     copied.
 
-    Parts between a copied body and another one connect the copy to the same other body.
+    Parts between a copied body and another one connect the copy to the same other body. `places`
+    are bodies that stand for places on beams.
     """
-    bodies = _bodies(parts["bodies"], names, mirror)
-    known = {body.name: body for body in parts["bodies"]}
+    bodies = _rows(parts["bodies"], names, mirror)
+    known = {body.name: body for body in (*parts["bodies"], *places)}
     copy = _Copy(names, mirror, root, known, parts)
-    found: dict[str, Any] = {"bodies": bodies}
-    called: dict[str, Names] = {"bodies": names}  # names of the copies of each kind
+    found: dict[str, Any] = {"bodies": bodies, "beams": _rows(parts["beams"], names, mirror)}
+    called: dict[str, Names] = {"bodies": names, "beams": names}  # names of the copies of each kind
     for kind in ("constraints", "contacts", "sites", "outputs", "forces"):
         copy.names = {**names, **called["sites"]} if kind == "outputs" else names
         new, called[kind] = copy.parts(parts[kind])
@@ -86,13 +89,13 @@ def copied(
     return found, lost
 
 
-def _bodies(rows: Sequence[Body], names: Names, mirror: Mirror | None) -> tuple[Body, ...]:
-    """Return the table with the copies in the rows below the last original."""
-    last = max(i for i, body in enumerate(rows) if body.name in names)
+def _rows(rows: Sequence[Any], names: Names, mirror: Mirror | None) -> tuple[Any, ...]:
+    """Return bodies or beams with the copies in the rows below the last original."""
+    last = max((i for i, body in enumerate(rows) if body.name in names), default=len(rows) - 1)
     new = []
     for body in rows:
         if body.name in names:
-            copy = body if mirror is None else mirror.body(body)
+            copy = body if mirror is None else mirror.row(body)
             parent = names.get(body.parent, body.parent)
             new.append(copy.unchecked_copy({"name": names[body.name], "parent": parent}))
     return (*rows[: last + 1], *new, *rows[last + 1 :])
@@ -190,9 +193,9 @@ class _Copy:
 
     def _image(self, f: Formula, part: Any) -> Any:
         """Return the copy of a part in which a formula is a number."""
-        if f.part != "bodies":
+        if f.part not in ("bodies", "beams"):
             return self.part(part)
-        return part if self.mirror is None else self.mirror.body(part)
+        return part if self.mirror is None else self.mirror.row(part)
 
     def scenario(self, s: Scenario, called: Mapping[str, Names]) -> Scenario:
         """Extend a scenario's initial values, forces and list of active parts to the copies."""
@@ -366,6 +369,15 @@ class Mirror:
         return tuple(
             tuple(a * b * x + 0.0 for b, x in zip(signs, row)) for a, row in zip(signs, rows)
         )
+
+    def row(self, one: Body | Beam) -> Body | Beam:
+        """Return the mirror image of a body or a beam with its original parent and name."""
+        if isinstance(one, Body):
+            return self.body(one)
+        image = one.unchecked_copy(self.fields(one))
+        if one.length is None or self.sign[0] > 0:
+            return image
+        return image.unchecked_copy({"length": None, "points": ((-one.length, 0.0, 0.0),)})
 
     def body(self, body: Body) -> Body:
         """Return the reflected row with its original parent and name."""

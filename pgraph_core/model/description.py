@@ -16,6 +16,7 @@ from ..functions import Curve
 from ..sentences import in_our_words
 from ..stateful import Own, Stateful
 from . import files
+from .beam import Beam
 from .body import Body
 from .cam import Cam
 from .checks import PARTS, model_problems
@@ -30,11 +31,13 @@ from .output import Output, Site
 from .parameters import Formula, inlined, resolved, still_true
 from .rope import Rope
 from .scenario import Scenario
+from .segments import Counts, counts_of, expanded, rigid
 from .world import World
 
-Part = Body | Constraint | Contact | Force | Scenario | Site | Output | Control
+Part = Body | Beam | Constraint | Contact | Force | Scenario | Site | Output | Control
 TOLD = "edits told"  # among the attributes of a model
 LOST = "lost in reading"  # likewise
+DESCRIBED = "described"  # likewise: the model with beams of which this one has the segments
 PARTS_OF = {"body": "bodies", **{kind.word(): key for key, kind in PARTS.items() if kind != Body}}
 
 
@@ -43,6 +46,7 @@ class Description(World):
     """All parts of a model in the order of their lists."""
 
     bodies: tuple[Body, ...] = field("a list of bodies", converter=parts_of(Body), default=())
+    beams: tuple[Beam, ...] = field("a list of beams", converter=parts_of(Beam), default=())
     constraints: tuple[Constraint, ...] = field(
         "a list of constraints", converter=parts_of(Constraint), default=()
     )
@@ -108,6 +112,28 @@ class Description(World):
         """The parts of each kind by name."""
         parts = {word: getattr(self, key) for word, key in PARTS_OF.items()}
         return {word: {part.name: part for part in some} for word, some in parts.items()}
+
+    @cached_property
+    def standing(self) -> tuple[Body, ...]:
+        """The bodies, and one without mass for each place of a beam that parts name."""
+        return (*self.bodies, *rigid(self._parts())) if self.beams else self.bodies
+
+    @property
+    def described(self) -> Self:
+        """The model with its beams, if this one has their segments, or else the model itself."""
+        return vars(self).get(DESCRIBED, self)
+
+    @cached_property
+    def expanded(self) -> Self:
+        """The model in which the segments of beams, and the places on them, are bodies."""
+        return self.with_segments(counts_of(self._parts())) if self.beams else self
+
+    def with_segments(self, counts: Counts) -> Self:
+        """Return the expanded model with these numbers of segments between places, by beam."""
+        found = self.unchecked_copy({"bodies": expanded(self._parts(), counts), "beams": ()})
+        vars(found)[DESCRIBED] = self
+        vars(found)[LOST], vars(found)[TOLD] = self.lost, self.told
+        return found
 
     @cached_property
     def limited(self) -> bool:
@@ -205,7 +231,10 @@ class Description(World):
     @cached_property
     def doubts(self) -> tuple[str, ...]:
         """Warnings about implausible values and parts without effect, repeated by each run."""
-        return tuple(doubts(self))
+        if self.described is not self:
+            return self.described.doubts
+        plain = self.unchecked_copy({"bodies": self.standing, "beams": ()}) if self.beams else self
+        return tuple(doubts(plain))
 
     def body(self, name: str) -> Body:
         """Return the body with a name.
@@ -236,6 +265,8 @@ class Description(World):
     @overload
     def part(self, name: str, /, kind: Literal["body"]) -> Body: ...
     @overload
+    def part(self, name: str, /, kind: Literal["beam"]) -> Beam: ...
+    @overload
     def part(self, name: str, /, kind: Literal["constraint"]) -> Constraint: ...
     @overload
     def part(self, name: str, /, kind: Literal["contact"]) -> Contact: ...
@@ -259,7 +290,7 @@ class Description(World):
         name : str
             Name of a body or of any other part. A body has priority.
         kind : str, optional
-            "body", "constraint", "contact", "force", "scenario", "site", "output" or "control",
+            "body", "beam", "constraint", "contact", "force", "scenario", "site", "output" or "control",
             to choose among several parts with this name.
 
         Raises

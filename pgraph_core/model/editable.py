@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, Self, cast
 
 from .. import hooks
 from ..errors import ModelError, Problem, explained, shown
 from ..fields import GROUND, fields_of, listed, whole
+from .beam import Beam
 from .body import Body
 from .constraint import AtPoints
 from .copies import Mirror, branch, copied, names_of_copies, other_side
@@ -30,6 +31,7 @@ from .editing import (
 from .expressions import groups_of
 from .parameters import Formula, cells_of, followed, formulas_in, still_true
 from .poses import poses
+from .segments import place_in, places_of, renamed_places
 from .world import DOWN, Ground
 
 # fields of a body that nothing else in a model depends on, but for the tree
@@ -124,6 +126,10 @@ class Editable(Description):
         fields: dict[str, Any] = {
             key: tuple(new if part is old else part for part in getattr(self, key))
         }
+        if isinstance(new, Beam) and new.name != name:
+            names = renamed_places(self._parts(), {name: new.name})
+            fields = renamed_all({**self._parts(), **fields}, names)
+            return self._with(notices, formulas=followed(formulas, (), names, "beams"), **fields)
         if new.name != name:
             names = {name: new.name}
             groups = groups_of(key, old)
@@ -281,7 +287,7 @@ class Editable(Description):
 
         Parameters
         ----------
-        part, *more : Body, Constraint, Contact, Force, Scenario, Site, Output or Control
+        part, *more : Body, Beam, Constraint, Contact, Force, Scenario, Site, Output or Control
             The parts to add, or one list of them. A Ground replaces the existing ground.
         after : str, optional
             Name of the part of the same kind that it follows. By default it becomes the last.
@@ -306,7 +312,8 @@ class Editable(Description):
             given = f"given {shown(part)} ({type(part).__name__})"
             if isinstance(part, type) and issubclass(part, Part):
                 given = f"given its class; write pg.{part.__name__}(name=..., ...)"
-            text = "must be a Body, Constraint, Contact, Force, Scenario, Site, Output or Control; "
+            text = "must be a Body, Beam, Constraint, Contact, Force, Scenario, Site, Output or "
+            text += "Control; "
             text += given
             raise ModelError(Problem("model", "add", text))
         key = PARTS_OF[part.word()]
@@ -383,10 +390,12 @@ class Editable(Description):
         parts = [self.part(each, kind) for each in names]
         model, notices = self, list[str]()
         for part in parts:
-            if not isinstance(part, Body):
+            if not isinstance(part, Body | Beam):
                 model = model._without_part(part)
                 notices += model.notices
         bodies = {part.name: part for part in parts if isinstance(part, Body)}
+        beams = [part.name for part in parts if isinstance(part, Beam)]
+        bodies |= {body.name: body for body in self.standing if self._is_on(body.name, beams)}
         if bodies:
             model = model._without_bodies(bodies, children)
             notices += model.notices
@@ -408,16 +417,27 @@ class Editable(Description):
     def _without_bodies(self, gone: Mapping[str, Body], children: str) -> Self:
         names = set(gone)
         if children == "delete":
-            names = set(branch(self.bodies, names))
+            names = set(branch(self.standing, names))
         bodies = tuple(attached(b, gone) for b in self.bodies if b.name not in names)
+        beams = tuple(attached(b, gone) for b in self.beams if b.name not in names)
         kept, notices = without(self._others(), names)
-        now = {b.name: b.parent for b in bodies}
+        now = {b.name: b.parent for b in (*bodies, *beams)}
         told = [
-            f"body '{b.name}' hangs on '{now[b.name]}' now, at its place at q = 0"
-            for b in self.bodies
+            f"{b.word()} '{b.name}' hangs on '{now[b.name]}' now, at its place at q = 0"
+            for b in (*self.bodies, *self.beams)
             if b.parent in names and b.name in now
         ]
-        return self._with([*told, *notices], bodies=bodies, **kept)
+        return self._with([*told, *notices], **{**kept, "bodies": bodies, "beams": beams})
+
+    def _is_on(self, name: str, beams: Sequence[str]) -> bool:
+        """Check whether a name means a place on one of these beams."""
+        place = None if name in self.row else place_in(name, {b.name: b for b in self.beams})
+        return place is not None and place[0] in beams
+
+    def _row(self, name: str) -> Body:
+        """Return a body, or the body that stands for the tip of a beam. Raises ModelError."""
+        known = {body.name: body for body in self.standing}
+        return known[name] if name in {b.name for b in self.beams} else self.body(name)
 
     def duplicate(self, name: str | Iterable[str], /, *, subtree: bool = True) -> Self:
         """Return a new model with a copy of a body and the parts that act on it, such as a second
@@ -446,9 +466,22 @@ class Editable(Description):
         given = [name] if isinstance(name, str) else list(name)
         if not given:
             raise ModelError(Problem("model", "duplicate", "needs the name of a body, got none"))
-        roots = [self.body(each).name for each in given]
-        names = branch(self.bodies, roots) if subtree else roots
-        return self._copied(names_of_copies(names, self.row, str), self.body(roots[0]))
+        roots = [self._row(each).name for each in given]
+        names = self._branch(roots) if subtree else roots
+        return self._copied(self._names_of_copies(names, str), self._row(roots[0]))
+
+    def _branch(self, roots: Sequence[str]) -> list[str]:
+        """Return bodies and beams with all that they carry, without places on beams."""
+        places = places_of({b.name: b for b in self.beams}, self.row, self._parts())
+        of = [x for x, (beam, _) in places.items() if beam in roots] if self.beams else []
+        found = branch(self.standing, [*roots, *of])
+        return [x for x in found if x not in places or places[x][0] == x]
+
+    def _names_of_copies(
+        self, names: Iterable[str], name: Callable[[str], str]
+    ) -> Mapping[str, str]:
+        found = names_of_copies(names, [*self.row, *(b.name for b in self.beams)], name)
+        return renamed_places(self._parts(), found)
 
     def mirror(self, name: str, /, plane: Literal["x", "y", "z"] = "z") -> Self:
         """Return a new model with a mirror image of a branch, such as a right leg from a left leg.
@@ -478,13 +511,14 @@ class Editable(Description):
         if plane not in ("x", "y", "z"):
             text = f"must be 'x', 'y' or 'z', the axis that it is normal to, got {shown(plane)}"
             raise ModelError(Problem(f"body {shown(name)}", "plane", text))
-        root = self.body(name)
-        names = names_of_copies(branch(self.bodies, [name]), self.row, other_side)
+        root = self._row(name)
+        names = self._names_of_copies(self._branch([name]), other_side)
         return self._copied(names, root, Mirror("xyz".index(plane)))
 
     def _copied(self, names: Mapping[str, str], root: Body, mirror: Mirror | None = None) -> Self:
-        all_parts = {**self._others(), "bodies": self.bodies}
-        parts, notices = copied(all_parts, self.formulas, root, names, mirror)
+        parts, notices = copied(
+            self._parts(), self.formulas, root, names, mirror, self.standing[len(self.bodies) :]
+        )
         return self._with(notices, **parts)
 
     def move(self, name: str | Iterable[str], /, to: int) -> Self:

@@ -249,7 +249,7 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) ->
         states = {"q": swapped(s.q), "v": swapped(s.v)}
         return s.unchecked_copy({**states, "forces": forces, "switches": switches})
 
-    named = ("bodies", "constraints", "contacts", "forces", "sites", "outputs", "controls")
+    named = ("bodies", "beams", "constraints", "contacts", "forces", "sites", "outputs", "controls")
     found: dict[str, Any] = {key: tuple(renamed(x, names) for x in parts[key]) for key in named}
     return found | {"scenarios": tuple(map(scenario, parts["scenarios"]))}
 

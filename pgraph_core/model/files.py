@@ -24,6 +24,7 @@ from ..joints import PER_MOTION
 from ..markup import content_of, reason_of
 from ..mesh_files import parsed_mesh
 from ..signals.meaning import varies
+from .beam import Beam
 from .body import Body
 from .constraint import Constraint
 from .contact import Contact
@@ -38,8 +39,9 @@ from .world import Ground
 # 1: without parameters, formulas, several shapes, density and derived; 2: without tendons, inputs;
 # 4: without bushings and struts; 5: without expressions; 6: without controls, moving surfaces;
 # 7: without expressions in springs; 8: without expressions in contacts, `once` in switches, speed
-# limits, outputs of subtrees and `rtol` in scenarios, with 0.01 kg m^2 for bodies without inertia
-SCHEMA_VERSION = 9
+# limits, outputs of subtrees and `rtol` in scenarios, with 0.01 kg m^2 for bodies without inertia;
+# 9: without beams
+SCHEMA_VERSION = 10
 EXPRESSIONS, ONCE = 6, 9
 SCHEMA = "pgraph-model"
 
@@ -75,6 +77,7 @@ def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
     for holder, name, kinds in _of_kinds(data):
         holder[name] = [_without_new(kinds.class_for(x), x) for x in holder[name]]
     data["contacts"] = [_without_new(Contact, x) for x in data["contacts"]]
+    data["beams"] = [_without_new(Beam, x) for x in data["beams"]]
     data["ground"] = _without_new(Ground, data["ground"])
     for scenario in data["scenarios"]:
         if not scenario["switches"]:
@@ -86,7 +89,7 @@ def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
     plain = Ground().model_dump(mode="json", exclude_none=True)
     if data["ground"] == _without_new(Ground, plain):
         del data["ground"]
-    for key in ("contacts", "parameters", "sites", "outputs", "controls"):
+    for key in ("beams", "contacts", "parameters", "sites", "outputs", "controls"):
         if not data[key]:
             del data[key]
     lines = []
@@ -126,6 +129,7 @@ def _versions(data: dict[str, Any]) -> Iterator[int]:
     named = data["parameters"]
     own = [(kinds.class_for(x), x) for holder, name, kinds in _of_kinds(data) for x in holder[name]]
     parts += (own := own + [(Contact, x) for x in data["contacts"]])
+    parts += [(Beam, x) for x in data["beams"]]
     for kind, part in own:
         texts = texts_in(part) if holds_formula(part) else ()
         bare = any(isinstance(part.get(key), str) for key in CURVES)

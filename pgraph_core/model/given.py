@@ -12,8 +12,9 @@ from ..fields import EVERY, GROUND, Described, part_problems
 from ..rotation import matrix
 from ..sentences import PAIR, no_such_field
 from .body import Body
-from .checks import PARTS, is_ground, reference_problems, tree_problems
+from .checks import PARTS, beam_problems, is_ground, reference_problems, tree_problems
 from .poses import Pose, carried
+from .segments import named, place_in, rigid
 from .world import World
 
 
@@ -69,7 +70,7 @@ def grounded(parts: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
                 new |= {**changed, "body": other, "other": GROUND}
         return part.model_copy(update=new) if new else part
 
-    ends = {"bodies": ("parent",), "constraints": PAIR, "forces": PAIR, "contacts": PAIR}
+    ends = {"bodies": ("parent",), "beams": ("parent",), "constraints": PAIR, "forces": PAIR, "contacts": PAIR}
     found = {key: [renamed(part, fields) for part in parts[key]] for key, fields in ends.items()}
     return found if any(list(parts[key]) != each for key, each in found.items()) else {}
 
@@ -107,8 +108,14 @@ def problems(data: Mapping[str, Any], known: Mapping[str, Any]) -> list[Problem]
     rows = data.get("bodies", ())
     rows = rows if isinstance(rows, (list, tuple)) else ()
     names = [_text(row, "name", f"row {i + 1}") for i, row in enumerate(rows)]
-    found += tree_problems(names, [_text(row, "parent", GROUND) for row in rows])
-    bodies = dict.fromkeys(names) | {body.name: body for body in valid.pop("bodies")}
+    parents = [_text(row, "parent", GROUND) for row in rows]
+    found += beam_problems(valid)
+    held = {body.name: body for body in rigid(valid)}
+    unsure = dict.fromkeys(_names(data.get("beams")))  # the beams, also those with problems
+    held = dict.fromkeys(x for x in (*named(valid), *parents) if place_in(x, unsure)) | held
+    found += tree_problems([*names, *held], [*parents, *(b.parent if b else GROUND for b in held.values())])
+    bodies = dict.fromkeys(names) | {body.name: body for body in valid.pop("bodies")} | held
+    valid.pop("beams")
     known_names = (_names(data.get("constraints", ())), _names(data.get("contacts", ())))
     given = data.get("parameters")
     parameters = given if isinstance(given, Mapping) else {}

@@ -21,8 +21,8 @@ from ..fields import Frozen, Text, fields_of, is_expression
 from ..signals.grammar import RESERVED, Unreadable, names_in, parsed
 from ..signals.meaning import constant, varies
 
-PartKind = Literal["bodies", "constraints", "contacts", "forces", "controls"]
-KINDS: tuple[PartKind, ...] = ("bodies", "constraints", "contacts", "forces", "controls")
+PartKind = Literal["bodies", "beams", "constraints", "contacts", "forces", "controls"]
+KINDS: tuple[PartKind, ...] = ("bodies", "beams", "constraints", "contacts", "forces", "controls")
 TEXT = {  # fields that hold words, of parts and what is in them
     "name", "parent", "joint", "kind", "body", "other", "law", "frame", "file",
 }  # fmt: skip
@@ -58,6 +58,7 @@ class Formula(Frozen):
 
 _WORD = {
     "bodies": "body",
+    "beams": "beam",
     "constraints": "constraint",
     "contacts": "contact",
     "forces": "force",

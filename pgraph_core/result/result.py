@@ -305,7 +305,7 @@ class Result(Exports, EqualByFields, Portable):
     @property
     def model(self) -> Model:
         """The model that was simulated."""
-        return self.mechanism.model
+        return self.mechanism.model.described
 
     @property
     def accuracy(self) -> str:

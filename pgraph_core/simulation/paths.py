@@ -20,6 +20,7 @@ from ..model import Body, Model
 
 KINDS = {  # group of parts in a path -> the kind that `Model.edit` takes
     "bodies": "body",
+    "beams": "beam",
     "constraints": "constraint",
     "contacts": "contact",
     "forces": "force",
