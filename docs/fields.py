@@ -19,6 +19,7 @@ BASES = {"Constraints": pg.Constraint, "Forces": pg.Force, "Controls": pg.Contro
 PARTS = {
     "Model": (pg.Model, pg.Ground, pg.Step),
     "Bodies": (pg.Body, pg.Shape, pg.Track),
+    "Beams": (pg.Beam,),
     "Contacts": (pg.Contact,),
     "Sites and outputs": (pg.Site, pg.Output),
     "Points of paths": (pg.Via, pg.Shift, pg.Within),

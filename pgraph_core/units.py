@@ -42,7 +42,8 @@ PA = N / M**2
 
 UNITS = {  # "length" and "angle" follow the page's units
     NONE: "", NONE / S: "1/s", M: "length", RAD: "angle", KG: "kg", S: "s", M / S: "m/s",
-    M / S**2: "m/s²", KG * M**2: "kg m²", KG / M**3: "kg/m³", PA * S: "Pa s",
+    M / S**2: "m/s²", KG * M**2: "kg m²", PA: "Pa",
+    N * M**2: "N m²", KG / M: "kg/m", KG * M: "kg m", KG / M**3: "kg/m³", PA * S: "Pa s",
     N: "N", N / M: "N/m", N * S / M: "N s/m", N / M**1.5: "N/m^1.5", S / M: "s/m",
     RAD / S: "rad/s", J: "N m", J / RAD: "N m/rad", J * S / RAD: "N m s/rad",
     Q: "rad, m", Q / S: "rad/s, m/s",

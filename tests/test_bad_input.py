@@ -111,6 +111,11 @@ def scenario(*told: Any, **fields: Any) -> Any:
     return made
 
 
+def beam(*told: Any, **fields: Any) -> Any:
+    given = {"name": "rod", "length": 1.0, "EI": 1.0, "rho_a": 1.0, **fields}
+    return row("beam 'rod'", told, {"bodies": BODIES, "beams": [given]})
+
+
 def model(*told: Any, **fields: Any) -> Any:
     return row("model", told, fields)
 
@@ -343,6 +348,41 @@ ROWS = [
          ]}]},
         ("scenario 's', constraints", "'pin'", "twice"),
         ("scenario 's', switches", "'pn'", "pin"), ("scenario 's', switches", "'pin'", "0.1 s"),
+    ),
+    beam("length", "> 0", "got 0", length=0),
+    beam("length", "points", "none", length=None),
+    beam("length", "both", points=[[1, 0, 0]]),
+    beam("points", "root", length=None, points=[[0, 0, 0]]),
+    beam("points", "point 2", "point 1", length=None, points=[[1, 0, 0], [1, 0, 0]]),
+    beam("points", "turns back", "point 1", length=None, points=[[1, 0, 0], [0, 0, 0]]),
+    beam("rotation", "unit quaternion", "[0.0, 0.0, 0.0, 0.0]", rotation=[0, 0, 0, 0]),
+    beam("section", "circle, tube, rectangle", "'round'", section=["round", 1]),
+    beam("section", "2 sizes", "width", "height", "[1.0]", section=["rectangle", 1]),
+    beam("section", "radius", "> 0", "0.0", section=["circle", 0]),
+    beam("section", "inner radius", "below", "[1.0, 2.0]", section=["tube", 1, 2]),
+    beam("EI", "> 0", "[-1.0]", EI=-1),
+    beam("EI", "one or two", "[1.0, 2.0, 3.0]", EI=[1, 2, 3]),
+    beam("EI", "'bend_y'", "section", EI=None),
+    beam("GJ", "> 0", "got 0", GJ=0),
+    beam("EA", "'stretch'", "E", strains=["stretch"]),
+    beam("rho_a", "mass", "density", rho_a=None),
+    beam("rho_j", "inertia", "GJ", GJ=1),
+    beam("section", "material", material="steel"),
+    beam(("EI", "section and E", "[1.0]"), ("rho_a", "density", "1"), section=["circle", 1],
+         material="steel"),
+    beam("nodes", "1 to 500", "'auto'", "got 0", nodes=0),
+    beam("nodes", "1 to 500", "501", nodes=501),
+    beam("nodes", "1.5", nodes=1.5),
+    beam("damping_ratio", "below 1", "1", damping_ratio=1),
+    beam("parent", "its own parent", "'rod'", parent="rod"),
+    beam("parent", "its own parent", "'rod@0.5'", parent="rod@0.5"),
+    beam("parent", "'legs'", "arm", parent="legs"),
+    row("beam 'arm'", [("name", "body", "rename")],
+        {"bodies": BODIES, "beams": [{"name": "arm", "length": 1, "EI": 1, "rho_a": 1}]}),
+    several(
+        {"bodies": [{"name": "load", "parent": "rod@1.5"}],
+         "beams": [{"name": "rod", "length": 1, "EI": 1, "rho_a": 1}]},
+        ("beam 'rod'", "'rod@1.5'", "0", "1", "'rod@0.5'"),
     ),
     # every problem at once: of parts, of the tree, and of a body that has several
     several(

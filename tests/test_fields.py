@@ -12,7 +12,7 @@ from pgraph_core.model.files import SCHEMA_VERSION
 from pgraph_core.units import UNITS, Dim
 
 KINDS = [
-    pg.Body, pg.Shape, pg.Contact, pg.Ground, pg.Step, pg.Site, pg.Output,
+    pg.Body, pg.Shape, pg.Beam, pg.Contact, pg.Ground, pg.Step, pg.Site, pg.Output,
     *pg.Force.KINDS.values(), *pg.Constraint.KINDS.values(),
 ]  # fmt: skip
 FIELDS = [(kind, name) for kind in KINDS for name in kind.model_fields]

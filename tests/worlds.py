@@ -65,6 +65,7 @@ WHOLE: dict[type, dict[str, Any]] = {
     pg.Body: {"name": "x"},
     pg.Contact: {"name": "x", "body": "2"},
     pg.Scenario: {"name": "x"},
+    pg.Beam: {"name": "x", "length": 1.0, "EI": 1.0, "rho_a": 1.0},
     pg.Site: {"name": "x", "body": "2"},
     pg.Output: {"name": "x", "kind": "force", "at": "2"},
     pg.Gait: {"name": "x", "feet": FOOTFALLS},

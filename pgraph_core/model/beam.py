@@ -39,6 +39,7 @@ Strain = Literal["stretch", "twist", "bend_y", "bend_z"]
 STRAINS: tuple[Strain, ...] = get_args(Strain)
 SINCE = 10
 AUTO = "auto"
+STIFFNESS = ("section", "EI", "EA", "GJ", "rho_a", "rho_j")
 MOST_SEGMENTS = 500  # of a beam: its error falls with their square, rounding grows with their rates
 
 
@@ -140,6 +141,10 @@ class Beam(Described):
     """
 
     SINCE: ClassVar[int] = SINCE
+    FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "points": ("length",),
+        **dict.fromkeys(("section", "material", "E", "G", "density"), STIFFNESS),
+    }
 
     name: Text = field("a non-empty string", label="Name")
     parent: Text = field(
@@ -223,6 +228,14 @@ class Beam(Described):
         help="error in space over the length that 'auto' meets",
     )  # fmt: skip
 
+    @model_validator(mode="before")
+    @classmethod
+    def _given(cls, data: Any) -> Any:
+        """Leave out fields that are None."""
+        if not isinstance(data, dict):
+            return data
+        return {key: value for key, value in data.items() if value is not None or key == "name"}
+
     @model_validator(mode="after")
     def _sound(self) -> Self:
         found = name_problems(self)
@@ -263,16 +276,17 @@ class Beam(Described):
         E, G, density = known.E, known.G, known.density
         EI = self.EI * (3 - len(self.EI)) if self.EI else None
         EA, GJ, rho_a = self.EA, self.GJ, self.rho_a or 0.0
-        about = (0.0, 0.0, 0.0)
+        about = (1.0, 0.5, 0.5)
         if one is not None:
             EI = EI or (None if E is None else (E * one.bending[0], E * one.bending[1]))
             EA = EA or (None if E is None else E * one.area)
             GJ = GJ or (None if G is None else G * one.torsion)
             rho_a = rho_a or (density or 0.0) * one.area
-            y, z = (rho_a / one.area * x for x in one.bending)
-            about = (y + z, y, z)
-        rho_i = about if self.rho_j is None else (self.rho_j, *about[1:])
-        return Stiff(EA, None if EI is None else (EI[0], EI[1]), GJ, rho_a, rho_i)
+            y, z = (x / sum(one.bending) for x in one.bending)
+            about = (1.0, y, z)
+        own = 0.0 if one is None else rho_a / one.area * sum(one.bending)
+        i, y, z = (x * (self.rho_j or own) for x in about)
+        return Stiff(EA, None if EI is None else (EI[0], EI[1]), GJ, rho_a, (i, y, z))
 
     @property
     def deforms(self) -> tuple[Strain, ...]:

@@ -552,14 +552,18 @@ PARTS: dict[str, type[Described]] = {
 }
 
 
-def beam_problems(parts: Mapping[str, Sequence[Any]]) -> list[Problem]:
-    """Check the names of beams and of places along them, and that none carries itself."""
+def beam_problems(parts: Mapping[str, Sequence[Any]], bodies: Iterable[str]) -> list[Problem]:
+    """Check the names and parents of beams, and the names of places along them.
+
+    `bodies` are the names of all bodies, also of invalid ones.
+    """
     beams = {beam.name: beam for beam in parts["beams"]}
     if not beams:
         return []
     found = unique("beam", [beam.name for beam in parts["beams"]])
     taken = {b.name: "body" for b in parts["bodies"]} | {s.name: "site" for s in parts["sites"]}
     taken[GROUND] = "body"
+    known = [GROUND, *bodies, *beams]
     for name, beam in beams.items():
         where = f"beam {shown(name)}"
         if (word := taken.get(name)) is not None:
@@ -572,6 +576,9 @@ def beam_problems(parts: Mapping[str, Sequence[Any]]) -> list[Problem]:
         if above is not None and above[0] == name:
             text = f"a beam cannot be its own parent, got {shown(beam.parent)}; choose another"
             found.append(Problem(where, "parent", f"{text}, or ground"))
+        elif above is None and beam.parent not in known:
+            text = unknown(beam.parent, dict.fromkeys(x for x in known if x != name))
+            found.append(Problem(where, "parent", text))
     for name in named(parts):
         of, mark, place = name.rpartition(MARK)
         if mark and of in beams and name not in taken and place_in(name, beams) is None:
@@ -585,7 +592,7 @@ def model_problems(
     parts: Mapping[str, Sequence[Any]], ground: Ground, parameters: Mapping[str, float]
 ) -> list[Problem]:
     """Return problems between the parts of a model, each of which is valid individually."""
-    if found := beam_problems(parts):
+    if found := beam_problems(parts, [body.name for body in parts["bodies"]]):
         return found
     bodies = (*parts["bodies"], *rigid(parts))
     others = {key: parts[key] for key in PARTS if key not in ("bodies", "beams")}

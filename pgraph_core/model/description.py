@@ -31,12 +31,13 @@ from .output import Output, Site
 from .parameters import Formula, inlined, resolved, still_true
 from .rope import Rope
 from .scenario import Scenario
-from .segments import Counts, counts_of, expanded, rigid
+from .segments import Counts, axis_points, counts_of, expanded, places_of, rigid
 from .world import World
 
 Part = Body | Beam | Constraint | Contact | Force | Scenario | Site | Output | Control
 TOLD = "edits told"  # among the attributes of a model
 LOST = "lost in reading"  # likewise
+SEGMENTS = "segments of beams"  # likewise
 DESCRIBED = "described"  # likewise: the model with beams of which this one has the segments
 PARTS_OF = {"body": "bodies", **{kind.word(): key for key, kind in PARTS.items() if kind != Body}}
 
@@ -118,10 +119,32 @@ class Description(World):
         """The bodies, and one without mass for each place of a beam that parts name."""
         return (*self.bodies, *rigid(self._parts())) if self.beams else self.bodies
 
+    @cached_property
+    def rows(self) -> tuple[Body, ...]:
+        """The rows of the digraph: the bodies, and one without mass for each beam."""
+        if not self.beams:
+            return self.bodies
+        places = places_of({b.name: b for b in self.beams}, self.row, self._parts())
+        return tuple(
+            b.unchecked_copy({"parent": places[b.parent][0]}) if b.parent in places else b
+            for b in self.standing
+            if b.name not in places or places[b.name][0] == b.name
+        )
+
     @property
     def described(self) -> Self:
         """The model with its beams, if this one has their segments, or else the model itself."""
         return vars(self).get(DESCRIBED, self)
+
+    @property
+    def segments(self) -> Counts:
+        """The number of segments in each span of the beams of an expanded model."""
+        return vars(self).get(SEGMENTS, {})
+
+    @cached_property
+    def axis_points(self) -> Mapping[str, list[tuple[str, Any]]]:
+        """The ends of the cells of the beams of an expanded model, as points of segments."""
+        return axis_points(self.described._parts(), self.segments)
 
     @cached_property
     def expanded(self) -> Self:
@@ -131,7 +154,7 @@ class Description(World):
     def with_segments(self, counts: Counts) -> Self:
         """Return the expanded model with these numbers of segments between places, by beam."""
         found = self.unchecked_copy({"bodies": expanded(self._parts(), counts), "beams": ()})
-        vars(found)[DESCRIBED] = self
+        vars(found)[DESCRIBED], vars(found)[SEGMENTS] = self, counts
         vars(found)[LOST], vars(found)[TOLD] = self.lost, self.told
         return found
 
@@ -290,8 +313,8 @@ class Description(World):
         name : str
             Name of a body or of any other part. A body has priority.
         kind : str, optional
-            "body", "beam", "constraint", "contact", "force", "scenario", "site", "output" or "control",
-            to choose among several parts with this name.
+            "body", "beam", "constraint", "contact", "force", "scenario", "site", "output" or
+            "control", to choose among several parts with this name.
 
         Raises
         ------

@@ -70,7 +70,13 @@ def grounded(parts: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
                 new |= {**changed, "body": other, "other": GROUND}
         return part.model_copy(update=new) if new else part
 
-    ends = {"bodies": ("parent",), "beams": ("parent",), "constraints": PAIR, "forces": PAIR, "contacts": PAIR}
+    ends = {
+        "bodies": ("parent",),
+        "beams": ("parent",),
+        "constraints": PAIR,
+        "forces": PAIR,
+        "contacts": PAIR,
+    }
     found = {key: [renamed(part, fields) for part in parts[key]] for key, fields in ends.items()}
     return found if any(list(parts[key]) != each for key, each in found.items()) else {}
 
@@ -109,11 +115,14 @@ def problems(data: Mapping[str, Any], known: Mapping[str, Any]) -> list[Problem]
     rows = rows if isinstance(rows, (list, tuple)) else ()
     names = [_text(row, "name", f"row {i + 1}") for i, row in enumerate(rows)]
     parents = [_text(row, "parent", GROUND) for row in rows]
-    found += beam_problems(valid)
+    found += beam_problems(valid, names)
     held = {body.name: body for body in rigid(valid)}
     unsure = dict.fromkeys(_names(data.get("beams")))  # the beams, also those with problems
     held = dict.fromkeys(x for x in (*named(valid), *parents) if place_in(x, unsure)) | held
-    found += tree_problems([*names, *held], [*parents, *(b.parent if b else GROUND for b in held.values())])
+    found += tree_problems(
+        [*names, *held],
+        [*parents, *(b.parent if b and b.parent in names else GROUND for b in held.values())],
+    )
     bodies = dict.fromkeys(names) | {body.name: body for body in valid.pop("bodies")} | held
     valid.pop("beams")
     known_names = (_names(data.get("constraints", ())), _names(data.get("contacts", ())))

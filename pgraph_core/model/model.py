@@ -217,8 +217,9 @@ class Model(Editable):
         if what == "digraph":
             drawn = pictures.digraph(self, path, size=size)
         else:
-            pose, size = home_poses(numbered(self)[0]), (1280, 720) if size is None else size
-            drawn = pictures.view(self, pose, path, size=size, view=view, dark=dark)
+            whole, size = self.expanded, (1280, 720) if size is None else size
+            pose = home_poses(numbered(whole)[0])
+            drawn = pictures.view(whole, pose, path, size=size, view=view, dark=dark)
         files.write_atomic(path, drawn)
 
 

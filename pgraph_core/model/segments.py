@@ -79,9 +79,7 @@ def places_of(
     return found
 
 
-def renamed_places(
-    parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]
-) -> dict[str, str]:
+def renamed_places(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) -> dict[str, str]:
     """Return the new names of bodies and beams, with those of the places on beams."""
     beams = {beam.name: beam for beam in parts["beams"]}
     if not beams:
@@ -219,9 +217,23 @@ def _frames(points: Array) -> list[Array]:
 # -- bodies ----------------------------------------------------------------------------------------
 
 
-def expanded(
-    parts: Mapping[str, Sequence[Any]], counts: Counts | None = None
-) -> tuple[Body, ...]:
+def axis_points(
+    parts: Mapping[str, Sequence[Any]], counts: Counts
+) -> dict[str, list[tuple[str, Array]]]:
+    """Return the end of every cell of each beam, as a segment and a point (3,) of it [m]."""
+    beams = {beam.name: beam for beam in parts["beams"]}
+    places = places_of(beams, (body.name for body in parts["bodies"]), parts)
+    found = dict[str, list[tuple[str, Array]]]()
+    for name, beam in beams.items():
+        ends = spans_of(beam, (at for of, at in places.values() if of == name))
+        cells = cells_of(beam, ends, counts[name])
+        found[name] = [
+            (segment(name, k), cell.point(1.0) - cell.point(0.5)) for k, cell in enumerate(cells, 1)
+        ]
+    return found
+
+
+def expanded(parts: Mapping[str, Sequence[Any]], counts: Counts | None = None) -> tuple[Body, ...]:
     """Return the bodies of a model, followed by the segments and places of its beams."""
     beams = {beam.name: beam for beam in parts["beams"]}
     places = places_of(beams, (body.name for body in parts["bodies"]), parts)
@@ -294,7 +306,9 @@ def _solid(beam: Beam, halves: Sequence[tuple[Array, float]]) -> dict[str, Any]:
     for axes, h in halves:
         m, middle = stiff.rho_a * h, start + h / 2 * axes[:, 0]
         across = m * h * h / 12
-        own = np.diag([h * stiff.rho_i[0], across + h * stiff.rho_i[1], across + h * stiff.rho_i[2]])
+        own = np.diag(
+            [h * stiff.rho_i[0], across + h * stiff.rho_i[1], across + h * stiff.rho_i[2]]
+        )
         mass, moment = mass + m, moment + m * middle
         second += axes @ own @ axes.T + m * (middle @ middle * np.eye(3) - np.outer(middle, middle))
         shapes.append(_drawn(beam, axes, middle, h))
@@ -316,6 +330,4 @@ def _drawn(beam: Beam, axes: Array, middle: Array, h: float) -> Shape:
         return Shape(kind="box", size=size, rotation=quaternion_of(axes), **place)
     radius = beam.extent / DRAWN if beam.section is None else beam.section[1]
     upright = np.column_stack((axes[:, 1], axes[:, 2], axes[:, 0]))
-    return Shape(
-        kind="capsule", radius=radius, length=h, rotation=quaternion_of(upright), **place
-    )
+    return Shape(kind="capsule", radius=radius, length=h, rotation=quaternion_of(upright), **place)

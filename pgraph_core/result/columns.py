@@ -19,6 +19,7 @@ from ..dynamics.arguments import finite
 from ..errors import InputError, NameLookupError, Problem, choices, needed, shown
 from ..joints import units_of
 from ..packing import Array
+from .beams import columns_of_beams
 from .bodies import all_forces, units_of_drives
 
 if TYPE_CHECKING:
@@ -71,6 +72,8 @@ def columns_of(run: Any, bodies: bool = False) -> dict[str, Column]:
             taken = name in found or name in forces
             found[f"outputs.{name}" if taken else name] = Column(o.reading.unit, x)
     found |= forces | columns_of_states(run)
+    if run.mechanism.model.segments:
+        found |= {name: Column(*x) for name, x in columns_of_beams(run).items()}
     return found | (_bodies(run) if bodies else {})
 
 

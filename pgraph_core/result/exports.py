@@ -355,7 +355,7 @@ BLOCK = 1 << 16  # [bytes] block size for reading times
 PER_BODY = 7 * 8  # [bytes] most that a body has in a frame of one array: the place of a free joint
 ARRAYS = (
     "t", "q", "v", "vdot", "kinetic_energy", "potential_energy", "work", "dissipation",
-    "constraint_drift", "error_at", "states", "state_error_at", "force_error_at",
+    "constraint_drift", "error_at", "states", "state_error_at", "force_error_at", "space_error_at",
 )  # fmt: skip
 SCALARS = ("message", "counters", "timing", "header", "notices")
 # before the names of constraints, drives and paths
@@ -364,7 +364,7 @@ FORCE, DRIVE, DERIVATIVE, MEMORY = "force:", "drive:", "derivative:", "memory:"
 
 def file_of(run: Any, folder: Path) -> bytes:
     """Return the file of a run. Meshes from other folders are copied to the folder if it exists."""
-    model = run.mechanism.model
+    model = run.mechanism.model.described
     if folder.is_dir():
         model = model.unchecked_copy({"bodies": gathered(model.bodies, folder)})
     arrays = {name: getattr(run, name) for name in ARRAYS}
@@ -377,6 +377,7 @@ def file_of(run: Any, folder: Path) -> bytes:
         "status": run.status.name,
         **{name: getattr(run, name) for name in SCALARS},
         "model": json.loads(model.to_json()),
+        "segments": run.mechanism.model.segments,
     }
     buffer = io.BytesIO()
     np.savez_compressed(buffer, header=np.array(json.dumps(header)), **arrays)
@@ -393,11 +394,14 @@ def fields_of(file: ZipFile, path: str | Path, roots: Iterable[str | Path]) -> d
     header = dict(json.loads(str(_array(file, "header", 4 * LARGEST))))
     description, folder = json.dumps(header.pop("model")), Path(path).parent
     model = Model.from_json(description, source=str(path), folder=folder, roots=roots)
+    if segments := header.pop("segments", None):
+        model = model.with_segments(segments)
     arrays = arrays_of(file, len(model.bodies) + len(model.stateful))
     n = len(arrays["t"])
     arrays.setdefault("states", np.zeros((n, 0)))  # older files have none
     arrays.setdefault("state_error_at", np.full((n, arrays["states"].shape[1]), np.nan))
     arrays.setdefault("force_error_at", np.full(n, np.nan))
+    arrays.setdefault("space_error_at", np.zeros(n))
     found = {name: header[name] for name in SCALARS} | {name: arrays[name] for name in ARRAYS}
     forces, driven, derivatives, memory = (
         {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}

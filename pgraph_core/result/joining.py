@@ -17,7 +17,7 @@ from .result import Result
 
 ADDED = ("work", "dissipation")  # start from zero in each run
 AVERAGED = ("force", "limit", "normal")  # kinds of contact records that are means
-ERRORS = ("error_at", "state_error_at", "force_error_at")
+ERRORS = ("error_at", "state_error_at", "force_error_at", "space_error_at")
 
 
 @explained

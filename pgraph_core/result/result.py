@@ -150,6 +150,9 @@ class Result(Exports, EqualByFields, Portable):
     force_error_at: Array = field(default_factory=lambda: np.zeros(0))
     """(n,) Estimated errors of the forces of contacts [N] and joint limits [N m, N] at each frame:
     the largest difference from a finer run; inf and nan as for `error_at`."""
+    space_error_at: Array = field(default_factory=lambda: np.zeros(0))
+    """(n,) Estimated error of dividing beams into segments, of their places and of all bodies
+    outside of them [m]: the largest so far; nan where it is not known."""
     memory: Memory | None = field(default=None, compare=False)
     """What `simulate(..., start=run)` goes on with beside the last frame."""
     drive_force: Named = field(default_factory=lambda: NO_DRIVES)
@@ -270,6 +273,23 @@ class Result(Exports, EqualByFields, Portable):
     def error_estimate(self) -> float:
         """Estimated maximum error in q [rad, m] at the recorded times, last of `error_at`."""
         return float(self.error_at[-1]) if len(self.error_at) else np.nan
+
+    @property
+    def space_error(self) -> float:
+        """Estimated maximum error of dividing beams into segments [m], of `space_error_at`.
+
+        It is 0 without beams, and nan without an estimate.
+        """
+        known = self.space_error_at[np.isfinite(self.space_error_at)]
+        return float(known[-1]) if len(known) else np.nan
+
+    def with_space_error(self, error: Array | None, notices: tuple[str, ...]) -> Result:
+        """Return this run with the error of its segments (n,) [m], and notices about it."""
+        error = np.full(len(self.t), np.nan) if error is None else error
+        first, more = vars(self)[MORE]
+        vars(self)[MORE] = (*first, *notices), more
+        vars(self)["space_error_at"] = read_only("space_error_at", error, {})
+        return self
 
     @property
     def force_error(self) -> float:

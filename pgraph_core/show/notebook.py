@@ -68,9 +68,9 @@ def run_html(run: Any) -> str:
 
 def numbered(model: Any) -> tuple[list[Any], list[int]]:
     """Return the bodies by number, with the number of each parent."""
-    rows = {body.name: row for row, body in enumerate(model.bodies, 1)}
-    order = canonical([rows.get(body.parent, 0) for body in model.bodies])
-    ordered = [model.bodies[row] for row in order]
+    rows = {body.name: row for row, body in enumerate(model.rows, 1)}
+    order = canonical([rows.get(body.parent, 0) for body in model.rows])
+    ordered = [model.rows[row] for row in order]
     number = {body.name: k for k, body in enumerate(ordered, 1)}
     return ordered, [number.get(body.parent, 0) for body in ordered]
 
@@ -85,7 +85,7 @@ def digraph_of(model: Any) -> tuple[list[str], list[int], list[tuple[int, int]]]
 
 
 def _drawn(model: Any) -> str:
-    if not 0 < len(model.bodies) <= DRAWN:
+    if not 0 < len(model.rows) <= DRAWN:
         return ""
     return f"<div>{digraph_svg(*digraph_of(model))}</div>"
 

@@ -24,6 +24,7 @@ from .plan import begun_with, plan_of
 from .recorded import result_of
 from .recording import Recording
 from .sampling import refuse_unsampled
+from .space import fine_enough, refines, with_space_error
 from .start import (
     by_names,
     given_states,
@@ -189,6 +190,15 @@ def simulate(
     if start is not None:
         given = {"q": q, "v": v, "states": states, "t_start": t_start or None}
         q, v, states, t_start, memory = state_of(mech, start, "simulate", given)
+    call = {
+        "t_start": t_start, "t_end": t_end, "method": method, "step": step, "rtol": rtol,
+        "atol": atol, "max_steps": max_steps, "tau": tau, "frames": frames, "t_eval": t_eval,
+        "scenario": scenario, "forces": forces, "inputs": inputs, "stabilise": stabilise,
+        "switches": switches, "states": states,
+    }  # fmt: skip
+    told: tuple[str, ...] = ()
+    if estimate is not False and refines(mech):
+        mech, q, v, told = fine_enough(mech, q, v, simulate, call)
     options = Options.unchecked(
         scenario=scenario, t_start=t_start, t_end=t_end, method=method, step=step, rtol=rtol,
         atol=atol, max_steps=max_steps, frames=frames, t_eval=t_eval, stabilise=stabilise,
@@ -226,6 +236,8 @@ def simulate(
     record.ended.notices[:0] = notices_of_start(mech, options, (q, v, states), state[0])
     result = result_of(record, error, timing)
     record.leave()
+    if estimate is not False and mech.model.segments:
+        result = with_space_error(result, simulate, call, told)
     return result
 
 

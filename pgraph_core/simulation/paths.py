@@ -55,9 +55,10 @@ def counting(
 def with_numbers(model: Model, paths: Sequence[Path], values: Sequence[float]) -> Model:
     """Return the model with new values at the paths, by one `Model.edit` per part.
 
-    All numbers of a part change together, as an inertia or a pair of limits must. Raises
-    ModelError.
+    All numbers of a part change together, as an inertia or a pair of limits must. The segments of
+    beams stay as many. Raises ModelError.
     """
+    expanded, model = model, model.described
     parts = dict[tuple[str, str], dict[str, Any]]()
     for path, value in zip(paths, values, strict=True):
         fields = parts.setdefault((path.group, "" if path.group in WORLD else path.name), {})
@@ -74,7 +75,7 @@ def with_numbers(model: Model, paths: Sequence[Path], values: Sequence[float]) -
             model = model.replace(**fields)
         else:
             model = model.edit(name, kind=KINDS[group], **fields)
-    return model
+    return model.with_segments(expanded.segments) if expanded.segments else model
 
 
 def edited(model: Model, path: Any, number: tuple[Any, ...], fields: Mapping[str, Any]) -> Model:
@@ -127,7 +128,7 @@ class Path:
         words = given if isinstance(given, (tuple, list)) else [given]
         self.text, self._call = ".".join(map(str, words)), call
         self.given = given
-        self.group, self.name, self.inside = self._split(model, given)
+        self.group, self.name, self.inside = self._split(model.described, given)
         if self.group == "bodies" and self.inside[0] == "shape" and len(self.inside) > 1:
             self.inside = "shapes", 0, *self.inside[1:]  # the first: others of the body stay
         word, holder = "", None
@@ -191,6 +192,7 @@ class Path:
         """Return the object whose field is the first word inside."""
         if not self.group:
             return model.parameters
+        model = model.described
         return model if self.group in WORLD else model.part(self.name, KINDS[self.group])
 
     def unit(self, model: Model) -> str:
