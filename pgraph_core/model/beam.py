@@ -96,7 +96,6 @@ MATERIALS: Mapping[str, Material] = {  # usual values of alloys, which differ by
     "titanium": Material(114, 43, 4430), "brass": Material(105, 39, 8500),
     "glass": Material(70, 29, 2500), "nylon": Material(3, 1, 1140),
 }  # fmt: skip
-GIGA = 10**9
 
 Entry = Text | Finite
 SectionOf = Annotated[tuple[Entry, ...], BeforeValidator(listed)]
@@ -319,7 +318,7 @@ def constants_of(beam: Beam) -> Any:
     """Return E, G and density of a beam, each None if unknown."""
     usual = MATERIALS.get(beam.material or "")
     given = (beam.E, beam.G, beam.density)
-    known = (None,) * 3 if usual is None else (usual.E * GIGA, usual.G * GIGA, usual.density)
+    known = (None,) * 3 if usual is None else (usual.E * 10**9, usual.G * 10**9, usual.density)
     return Material(*(x if x is not None else y for x, y in zip(given, known)))  # type: ignore[arg-type]
 
 
