@@ -174,12 +174,14 @@ def judged(
 
     `gap` is the largest one, relative to the mechanism's size L. A singular value below 4 √gap of
     the largest of its group is zero: a gap g of second order, κ s²/2, leaves s = √(2 g / κ), which
-    is 4 √g at a curvature of κ = 1/(8 L).
+    is 4 √g at a curvature of κ = 1/(8 L). So is one below 4 √EPS of the largest of all, such as all
+    that axes leave which are parallel up to rounding.
     """
     cut = 4 * np.sqrt(max(gap, EPS))
     groups = state.groups if groups is None else groups
     basis, rank = np.empty((min(len(state.J), state.nv), state.nv)), 0
     found: Found = []
+    least = 4 * np.sqrt(EPS) * np.linalg.norm(state.scaled)
     for first in range(0, len(groups), PANEL):
         panel, known = groups[first : first + PANEL], rank
         start = panel[0].rows.start
@@ -189,7 +191,7 @@ def judged(
             scale = np.linalg.norm(state.scaled[group.rows], 2) if state.nv else 0.0
             rows = _freed(basis[known:rank], rows / (scale or 1.0))
             left, sizes, right = np.linalg.svd(rows, full_matrices=len(rows) > state.nv)
-            new = int((sizes > cut).sum())
+            new = int((sizes > max(cut, least / (scale or 1.0))).sum())
             if new < len(rows):
                 found.append((group, left[:, new:].T))
             basis[rank : rank + new] = right[:new]

@@ -109,6 +109,16 @@ def test_every_row_of_a_repeated_constraint_is_redundant():
     assert [row.constraint for row in report.redundant] == ["loop 0", "again", "again", "again"]
 
 
+@pytest.mark.parametrize("tilt", [0.0, 1e-17, 1e-14, 1e-10])
+def test_a_hinge_that_is_parallel_up_to_rounding_closes_a_plane(tilt):
+    """CAD writes axes to the last digits; rows of nothing but rounding have no rank."""
+    model = mechanism("four_bar").model
+    ends = {name: getattr(model.constraints[0], name) for name in ("body", "other", "point")}
+    hinge = pg.Revolute(name="loop", axis=(tilt, 0, 1), other_axis=(0, 0, 1), **ends)
+    report = pg.Mechanism(model.replace(constraints=(hinge,))).mobility()
+    assert (report.rows, report.rank, report.dof) == (5, 2, 1)
+
+
 @pytest.mark.parametrize("n", [12, pytest.param(50, marks=pytest.mark.nightly)])
 def test_loops_that_share_their_cranks_leave_one_way_to_move(n):
     report = pg.Mechanism(windows(n)).mobility()
