@@ -53,6 +53,8 @@ if TYPE_CHECKING:
     from .formats.mjcf import read_mjcf as read_mjcf
     from .formats.mjcf_out import write_mjcf as write_mjcf
     from .formats.osim import read_osim as read_osim
+    from .formats.step import read_step as read_step
+    from .formats.step_joints import Proposal as Proposal
     from .formats.urdf import read_urdf as read_urdf
     from .formats.urdf_out import write_urdf as write_urdf
     from .gait.controller import Controller as Controller

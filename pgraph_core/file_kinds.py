@@ -15,7 +15,7 @@ from .mesh_files import FORMATS, looks_like
 
 HEAD = 65536  # bytes of a file in which its first element stands
 FIRST = re.compile(rb"<([A-Za-z_][\w:.-]*)")
-MODELS = ".json, .urdf, .xacro, .xml (MJCF), .mjcf or .osim"
+MODELS = ".json, .urdf, .xacro, .xml (MJCF), .mjcf, .osim or .step"
 MINE = ("robot", "mujoco", "OpenSimDocument")  # first elements of the models in XML that are read
 BLANK = b"\xef\xbb\xbf \t\r\n"  # a byte-order mark and white space
 ZIP = b"PK\3\4"
@@ -49,9 +49,8 @@ KINDS = (
     FileKind("skel ttt ttm slx mdl mo adm cmd bvh", f"is a model of another program, {OTHERS}"),
     FileKind("mjb", "is a compiled model of MuJoCo; give the MJCF file that it was made from"),
     FileKind(
-        "step stp iges igs brep fcstd sldprt sldasm catpart catproduct ipt iam x_t",
-        "is CAD, which has no joints; export STL or OBJ meshes of its bodies, or URDF",
-        sign=rb"ISO-10303-21",
+        "iges igs brep fcstd sldprt sldasm catpart catproduct ipt iam x_t x_b 3dm f3d",
+        "is CAD of a kind that is not read; save it as STEP",
     ),
     *(
         FileKind(x, f"is a mesh in {x.upper()}, {SHAPE}", *SIGNS.get(x, ()))
@@ -86,6 +85,11 @@ def first_element(head: bytes) -> str:
         return ""
     found = FIRST.search(re.sub(rb"<!--.*?-->", b"", head, flags=re.DOTALL))
     return found[1].decode() if found else ""
+
+
+def is_step(content: bytes) -> bool:
+    """Check whether a file begins as STEP (ISO 10303-21), and is none of a building (IFC)."""
+    return content[:HEAD].lstrip(BLANK).startswith(b"ISO-10303-21") and b"IFC" not in content[:HEAD]
 
 
 def is_json(content: bytes) -> bool:

@@ -16,6 +16,7 @@ from pgraph_core.model.links import SAFE
 from pgraph_core.packing.cable_lines import led_problems
 from pgraph_core.pulleys import segment_names
 
+from .cad import CAD, assembly, is_cad, listed
 from .terminal import (
     FILES,
     MODEL,
@@ -202,6 +203,7 @@ def mesh_problems(model: pg.Model) -> list[Problem]:
     takes("model", metavar="IN", help=NAMED),
     takes("out", metavar="OUT", help="output file; the suffix selects the format"),
     *FILES,
+    *CAD,
     takes(
         "--repair",
         action="store_true",
@@ -215,11 +217,12 @@ def convert(args: Namespace) -> Answer:
     given = model_path(args.model)
     if given.exists() and Path(args.out).exists() and given.samefile(args.out):
         raise FileError(Problem(args.out, "", "is the file that is read; choose another name"))
-    model, read = read_file(args)
+    model, read = assembly(args) if is_cad(args) else read_file(args)
     if args.repair:
         model = read.repaired(model)
     written = write_model(model, args.out)
     lines = [str(report) for report in (read, written) if report.entries]
+    lines += listed(args, read) if is_cad(args) else []
     data = {"read": read.to_dict(), "written": written.to_dict()}
     text = "\n".join([*lines, f"{args.out}: {len(model.bodies)} bodies written"])
     return Answer(data, text)

@@ -1,4 +1,4 @@
-"""Read and write model files by suffix: URDF, MJCF, OpenSim and our JSON."""
+"""Read and write model files by suffix: URDF, MJCF, OpenSim, STEP and our JSON."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ..errors import FileError, InputError, Problem, explained, shown
-from ..file_kinds import HEAD, first_element, is_json
+from ..file_kinds import HEAD, first_element, is_json, is_step
 from ..markup import ordinary
 from ..model import Model
 from ..model.files import FOREIGN, refuse_kind
@@ -20,14 +20,22 @@ from .conversion import Report, nearest_inertia, why_unphysical
 from .mjcf import read_mjcf
 from .mjcf_out import write_mjcf
 from .osim import read_osim
+from .step import read_step
 from .urdf import read_urdf
 from .urdf_out import write_urdf
 from .xacro import SUFFIX, no_arguments
+
+
+def _read_step(path: str | Path, roots: Any = ()) -> tuple[Model, Report]:
+    """Read the parts of a STEP file, which names no other files, and take no joint."""
+    return read_step(path)
+
 
 FORMATS: dict[str, tuple[Any, Any]] = {  # name -> reader, and writer if there is one
     "urdf": (read_urdf, write_urdf),
     "mjcf": (read_mjcf, write_mjcf),
     "osim": (read_osim, None),
+    "step": (_read_step, None),
 }
 READERS = {suffix: FORMATS[name][0] for suffix, name in FOREIGN.items()}
 WRITERS = {suffix: FORMATS[name][1] for suffix, name in FOREIGN.items() if FORMATS[name][1]}
@@ -48,10 +56,10 @@ def load(
     base: Literal["fixed", "free"] = "fixed",
     arguments: Mapping[str, Any] | None = None,
 ) -> Model:
-    """Load a built-in model by its name, a file of Pgraph, URDF, xacro, MJCF or OpenSim, or a link.
+    """Load a file of Pgraph, URDF, xacro, MJCF, OpenSim or STEP, a built-in model, or a link.
 
     Omissions and warnings are stored in `notices` of the model. To obtain the full report, use
-    `pg.read_urdf`, `pg.read_mjcf` or `pg.read_osim`.
+    `pg.read_urdf`, `pg.read_mjcf`, `pg.read_osim` or `pg.read_step`.
 
     Parameters
     ----------
@@ -165,6 +173,8 @@ def reader_of(path: str | Path) -> Any:
             head = file.read(HEAD)
     except (OSError, ValueError):
         return by_suffix  # its reader reports why the file cannot be read
+    if is_step(head):
+        return _read_step
     refuse_kind(path, head)
     if is_json(head):
         return None  # a model of Pgraph, whatever its name

@@ -51,6 +51,8 @@ FOREIGN = {
     ".xml": "mjcf",
     ".mjcf": "mjcf",
     ".osim": "osim",
+    ".step": "step",
+    ".stp": "step",
 }  # suffixes of other formats
 WRITTEN = ("urdf", "mjcf")
 
