@@ -18,7 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-MOST_MEMORY = 4 * 2**30  # [bytes] limit on address space (the largest files of the tests: 1.5 GB)
+MOST_MEMORY = 4 << 30  # [bytes] limit on address space (the largest files of the tests: 1.5 GB)
 NICE = 10  # other processes go first
 Work = Callable[[], Any]  # can be pickled
 
