@@ -265,15 +265,28 @@ class SetGait(TypedText):
 
 
 class SetWalk(TypedText):
-    """Set one field of the gait, with immediate effect."""
+    """Set one field of the gait, with immediate effect.
+
+    The gait of a scenario is edited in the model. That of a preset is changed until it is kept.
+    """
 
     field: Literal["speed", "turn"]
     text: Text
 
     def taken(self, state: State) -> State:
         value = cells.named_number(NAMES[self.field], self.text)
-        changes = {**state.walking.changes, self.field: value}
-        return settled(state, replace(state.walking, changes=changes))
+        offer = offered(state.model, state.walking)
+        if offer is None or not offer.tried:
+            changes = {**state.walking.changes, self.field: value}
+            return settled(state, replace(state.walking, changes=changes))
+        offer = offer._replace(gait=offer.gait.edit(**{self.field: value}))
+        if state.kernels.ready:
+            checked(state.model, offer)
+        label = f"{self.field} of {offer.gait.name}"
+        model = state.model.edit(offer.scenario, kind="scenario", gait=offer.gait)
+        after = with_model(state, model, label)
+        slid = after is not state and state.undo[-1:] and state.undo[-1].label == label
+        return replace(after, undo=state.undo) if slid else after  # a slider moves in one step
 
 
 def settled(state: State, walking: Walking) -> State:

@@ -59,7 +59,7 @@ def trust(
             report=True,
         )
     level, said, why = verdict(run)
-    lines = [] if level in ("failed", "unknown") else below(run, level)  # or the reason
+    lines = [] if level in ("failed", "unknown") else below(run)  # or the reason
     better = remedy(run) if level == "rough" else None
     return _told(level, said, why, lines, report=True, better=better)
 
@@ -74,9 +74,8 @@ def verdict(run: Run) -> tuple[str, str, str]:
     """Return (level, sentence, reason) for a run. The level is "good", "rough", "unknown" or
     "failed".
 
-    The level is determined by the worst entry. The error estimate is that of the positions. The
-    energies of a first-order method have errors of first order even if the motion is accurate, so
-    they do not change the level, and the sentence says how far they can be trusted.
+    The level is determined by the worst entry of the summary. The error estimate is that of the
+    positions.
     """
     result = run.result
     if not result.status.ok and not run.ended:
@@ -90,13 +89,8 @@ def verdict(run: Run) -> tuple[str, str, str]:
         return "unknown", "Uncertain: singular position", SINGULAR
     amount = felt(run)
     bad = {what: value for what, value, fine in summary(run) if not fine}
-    if not bad or (bad.keys() == {ENERGY} and _first_order(result)):
-        said = f"Good {amount if amount.startswith('within') else f'to {amount}'}"
-        return (
-            "good",
-            f"{said}, energies to {drift(result)}" if bad else said,
-            "".join(bad.values()),
-        )
+    if not bad:
+        return "good", f"Good {amount if amount.startswith('within') else f'to {amount}'}", ""
     words = {ERROR: f"off by {amount}", ENERGY: f"energy drifts {drift(result)}"}
     if LOOPS in bad:
         words[LOOPS] = f"loops open by {length(float(result.constraint_drift[:, 0].max()))}"
@@ -162,9 +156,9 @@ def length(metres: float) -> str:
     return f"{float(f'{metres / scale:.0e}'):g} {unit}"
 
 
-def below(run: Run, level: str) -> list[tuple[str, str, bool, str]]:
-    """Return the lines below a verdict of that level: facts that are good and not part of it."""
-    shown = (METHOD, ENERGY, *[ERROR] * (level != "good"))
+def below(run: Run) -> list[tuple[str, str, bool, str]]:
+    """Return the facts below a verdict, those that it does not say: what is good."""
+    shown = (METHOD, ENERGY, ERROR)
     return brief([line for line in summary(run) if line[0] in shown and line[2]])
 
 
@@ -193,7 +187,11 @@ def outcome(state: State) -> list[tuple[str, str, bool, str]] | None:
 
 
 def summary(run: Run) -> list[Line]:
-    """Return lines (label, value, ok) about the end, accuracy and cost of a run."""
+    """Return lines (label, value, ok) about the end, accuracy and cost of a run.
+
+    The energies of a first-order method have errors of first order even if the motion is accurate,
+    so their drift is no fault of the motion.
+    """
     result = run.result
     off, estimate = float(result.energy_drift), float(result.relative_error[-1:].sum())
     estimated = not math.isnan(estimate)
@@ -205,7 +203,7 @@ def summary(run: Run) -> list[Line]:
             f"{_accuracy(run)}{why(run, estimate)}" if estimated else "",
             estimate < POOR,
         ),
-        (ENERGY, f"{drift(result)}{why(run, off)}", off < POOR),
+        (ENERGY, f"{drift(result)}{why(run, off)}", off < POOR or _first_order(result)),
     ]
     if run.model.constraints and len(result.constraint_drift):
         position, velocity = result.constraint_drift.max(axis=0)

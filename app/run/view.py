@@ -106,6 +106,8 @@ def _hints_of_steps(request: Request) -> dict[str, tuple[str, str, bool]]:
 
 def keeps(state: State) -> bool:
     """Check whether the run has other settings than its scenario, which may keep them."""
+    if state.set_gait is not None:
+        return True
     own = map(Request.of, state.model.scenarios)
     return any(s.scenario == state.request.scenario and s != state.request for s in own)
 
@@ -234,7 +236,11 @@ def differences(runs: Sequence[Run]) -> list[list[str]]:
     """Return rows (name, value for each run) of the settings and fields in which runs differ."""
     forms = zip(*(form(run.request) for run in runs))
     rows = [[one[0]["label"].lower(), *map(_setting, one)] for one in forms]
+    gaits = [gait_of(run) for run in runs]
+    rows.append(["gait", *("none" if gait is None else gait.name for gait in gaits)])
     found = [row for row in rows if row[0] != "duration" and len(set(row[1:])) > 1]
+    if None not in gaits:
+        found += _of_fields(pg.Gait, "gait: ", gaits, but=("name", "description"))
     models = [run.model for run in runs]
     if any(model is not models[0] for model in models):
         found += _of_fields(World, "", models)
@@ -246,6 +252,12 @@ def differences(runs: Sequence[Run]) -> list[list[str]]:
         *found[:MOST_ROWS],
         [f"{len(found) - MOST_ROWS} more differences", *("" for _ in runs)],
     ]
+
+
+def gait_of(run: Run) -> pg.Gait | None:
+    """Return the gait that a run walked with: that of its scenario, or the one set on the page."""
+    scenario = next((s for s in run.model.scenarios if s.name == run.request.scenario), None)
+    return run.gait or (None if scenario is None else scenario.gait)
 
 
 def _setting(cell: Payload) -> str:
@@ -269,16 +281,18 @@ def _of_parts(part: str, models: Sequence[pg.Model]) -> list[list[str]]:
                 [name, *("none" if one is None else type(one).__name__.lower() for one in each)]
             )
         else:
-            found += _of_fields(type(each[0]), f"{name}: ", each)
+            found += _of_fields(type(each[0]), f"{name}: ", each, but=("gait",))  # told for the run
     return found
 
 
-def _of_fields(kind: Any, owner: str, each: Sequence[Any]) -> list[list[str]]:
-    """Return the rows of the fields of one part, or of the world."""
+def _of_fields(
+    kind: Any, owner: str, each: Sequence[Any], but: Sequence[str] = ()
+) -> list[list[str]]:
+    """Return the rows of the fields of one part, or of the world, except for some."""
     found = []
     for name, info in kind.model_fields.items():
         values = [getattr(one, name) for one in each]
-        if all(value == values[0] for value in values):
+        if name in but or all(value == values[0] for value in values):
             continue
         known = about(info, name)
         unit = SI.get(known.unit, known.unit)

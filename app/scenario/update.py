@@ -90,7 +90,8 @@ class KeepSettings(ModelEdit):
 
     def edit(self, state: State) -> tuple[pg.Model, str]:
         name = named(state)
-        return put(state.model, name, **settings_of(state.request)), f"settings of {name}"
+        gait = {} if state.set_gait is None else {"gait": state.set_gait}
+        return put(state.model, name, **settings_of(state.request), **gait), f"settings of {name}"
 
 
 class CopyScenario(OfScenario, NewScenario):

@@ -17,6 +17,7 @@ from pgraph_app.gait.view import gait, phases
 from pgraph_app.pose import poses
 from pgraph_app.run import Run, joined
 from pgraph_app.run.footfalls import changes, prints
+from pgraph_app.run.view import differences, keeps
 from pgraph_app.scene import marks
 from pgraph_core.result.records import PHASES
 from pgraph_core.show.shapes import to_matrix
@@ -65,22 +66,53 @@ def test_simulate_walks_as_fast_as_is_set():
     assert plain.job.gait is None
     chosen = after(ready(), do.SetScenario(ME, 1, "trot"), do.SetGait(ME, 2, "trot"))
     faster = after(chosen, do.SetWalk(ME, 3, "speed", "0.9"))
-    assert after(faster, do.Simulate(ME)).job.gait.speed == 0.9
-    other = after(faster, do.SetScenario(ME, 4, "crawl"), do.Simulate(ME))
-    assert other.job.gait is None  # what is set is of the trot
-    gallop = after(chosen, do.SetGait(ME, 5, "bound"), do.Simulate(ME)).job.gait
+    job = after(faster, do.Simulate(ME)).job
+    assert job.model.scenario("trot").gait.speed == 0.9
+    assert job.gait is None
+    assert faster.model.scenario("crawl") == chosen.model.scenario("crawl")
+    gallop = after(faster, do.SetGait(ME, 5, "bound"), do.Simulate(ME)).job.gait
     assert gallop.name == "bound"
+
+
+def test_a_speed_is_of_the_model_its_file_and_one_undo_step():
+    state = after(ready(), do.SetScenario(ME, 1, "trot"))
+    slid = after(state, *(do.SetWalk(ME, k, "speed", f"0.{k}") for k in range(4, 9)))
+    again = pg.Model.from_json(slid.model.to_json())
+    assert again.scenario("trot").gait.speed == gait(slid)["speed"] == 0.8
+    assert after(slid, do.Undo(ME)).model == state.model
+    assert gait(after(slid, do.Undo(ME)))["speed"] == 0.6
+
+
+def test_runs_that_are_compared_tell_their_speeds():
+    state = after(ready(), do.SetScenario(ME, 1, "trot"))
+    faster = after(state, do.SetWalk(ME, 2, "speed", "0.9"))
+    untried = after(state, do.SetGait(ME, 3, "bound"), do.SetWalk(ME, 4, "speed", "0.7"))
+    runs = [Run(s.model, s.request, None, gait=s.set_gait) for s in (state, faster, untried)]
+    found = {name: values for name, *values in differences(runs)}
+    assert found["gait"] == ["trot", "trot", "bound"]
+    assert found["gait: speed"] == ["0.6", "0.9", "0.7"]
+
+
+def test_a_gait_that_was_not_tried_is_kept_by_its_scenario():
+    state = after(ready(), do.SetScenario(ME, 1, "trot"), do.SetGait(ME, 2, "bound"))
+    assert keeps(state)
+    kept = after(state, do.KeepSettings(ME))
+    assert kept.model.scenario("trot").gait.name == "bound"
+    assert not keeps(kept)
+    assert not kept.outdated
 
 
 def test_a_run_of_another_speed_is_not_played_as_that_of_this_one():
     state = after(ready(), do.SetScenario(ME, 1, "trot"))
-    ended = replace(state, last_run=Run(state.model, state.request, None))
-    assert not ended.outdated
-    faster = after(ended, do.SetWalk(ME, 2, "speed", "0.9"))
-    assert faster.outdated
-    again = Run(state.model, state.request, None, gait=faster.set_gait)
-    assert not replace(faster, last_run=again).outdated
-    assert after(replace(faster, last_run=again), do.SetWalk(ME, 3, "speed", "0.6")).outdated
+    for gait_name, speed in (("trot", "0.9"), ("bound", "0.7")):
+        chosen = after(state, do.SetGait(ME, 1, gait_name))
+        ended = Run(chosen.model, chosen.request, None, gait=chosen.set_gait)
+        ended = replace(chosen, last_run=ended, run_framed=chosen.framed)
+        assert not ended.outdated
+        faster = after(ended, do.SetWalk(ME, 2, "speed", speed))
+        assert faster.outdated
+        again = Run(faster.model, faster.request, None, gait=faster.set_gait)
+        assert not replace(faster, last_run=again).outdated
 
 
 def test_parts_of_a_walk_make_one_walk(trotted):

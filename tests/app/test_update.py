@@ -234,7 +234,7 @@ def test_an_error_or_a_drift_above_one_percent_is_bad(method, drift, small):
         notices=(), constraint_drift=(),
     )  # fmt: skip
     lines = {line[0]: line[1:] for line in summary(Run(pg.Model.serial(1), Request(), result))}
-    assert lines["Energy drift"][1] == small
+    assert lines["Energy drift"][1] == (small or method != "rk4")  # of first order by nature
     assert lines["Error estimate"][1] == small
     assert ("step" in lines["Energy drift"][0]) == (not small)  # advice
 
