@@ -391,13 +391,20 @@ def _at(kept: Kept) -> str:
     return time.strftime("%H:%M:%S on %d %B", time.localtime(kept.time))
 
 
-class Download(Request):
+class Handed(Request):
+    """A request of the model, which then has the settings of the run."""
+
+    def applied(self, state: State) -> State:
+        return super().applied(run.kept(state, self.client))
+
+
+class Download(Handed):
     """Download the model and its meshes as a file."""
 
     suffix: Annotated[str, Field(pattern=f"^({'|'.join(map(re.escape, SUFFIXES))})$")] = ".json"
 
 
-class ShareLink(Request):
+class ShareLink(Handed):
     """Send the page a link that carries the model."""
 
 

@@ -18,6 +18,7 @@ from ..core.edit import selected
 from ..core.events import Event, FromPage, Leaving, OfServer, Text
 from ..core.state import HOSTED, Notice, replied, told, with_client
 from ..plots import KINDS, Signal
+from ..run import kept
 
 
 @dataclass(frozen=True)
@@ -225,6 +226,7 @@ class Save(FromPage):
     replace: bool = False  # also a file that this session did not write
 
     def applied(self, state: State) -> State:
+        state = kept(state, self.client)
         saving = Saving(
             self.client, self.serial, self.path, state.model, self.replace, state.document
         )

@@ -298,3 +298,25 @@ def test_a_condition_that_cannot_be_is_refused_beside_its_cell(slider, event, pa
     refused = store.update(state, event)
     assert all(part in store.reply(refused) for part in parts), store.reply(refused)
     assert refused.model is state.model
+
+
+@pytest.mark.parametrize(
+    "hand", [do.Download(ME), do.ShareLink(ME), do.Save(ME, 1, "/nowhere/model.json")]
+)
+@pytest.mark.parametrize("scenario", [None, pg.Scenario(name="short", t_end=0.25)])
+def test_a_model_that_is_handed_over_has_the_settings_of_its_run(hand, scenario):
+    """The duration and method of a free run were not in the file, whose reader ran 2 s."""
+    model = pg.Model.serial(2).replace(scenarios=filter(None, [scenario]))
+    state = after(begun(model), do.SetRun(ME, 1, "t_end", "25"), do.SetRun(ME, 2, "method", "rk4"))
+    state = after(state, do.Simulate(ME))
+    state = after(state, do.Done(state.job.id, pg.simulate(model, t_end=0.1, step=1e-3)))
+    assert not state.outdated
+    given = after(state, hand)
+    read = begun(pg.Model.from_json(given.model.to_json())).request
+    assert (read.t_end, read.method) == (25.0, "rk4")
+    assert read == given.request
+    assert not given.outdated  # the run is still that of the page
+    assert given.t_end == state.t_end
+    assert given.model.scenarios[0].name in notice(given)
+    assert after(given, do.Undo(ME)).model == model
+    assert after(begun(model), hand).model is model
