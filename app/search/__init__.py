@@ -13,8 +13,9 @@ import numpy as np
 from pydantic import Field
 
 import pgraph_core as pg
+from pgraph_core.errors import percent
 from pgraph_core.result.columns import columns_of
-from pgraph_core.search.measured import columns_in, measured
+from pgraph_core.search.measured import columns_in, factor_of, measured
 from pgraph_core.simulation.paths import Path, with_numbers
 from pgraph_core.sweeps.metrics import WAYS
 
@@ -29,7 +30,8 @@ from ..run import Request
 
 DRAWN = 300  # points of a drawn curve
 
-Curves = Mapping[str, tuple[tuple[float, ...], tuple[float, ...]]]  # {name: (times, values)}
+# {name: (times, values, factor of the data to the unit of the values)}
+Curves = Mapping[str, tuple[tuple[float, ...], tuple[float, ...], float]]
 
 
 @dataclass(frozen=True)
@@ -88,11 +90,15 @@ class Search(Job):
 def drawn(asked: Asked, run: Any) -> Curves:
     """Return the curves of a run that are used by a search, reduced for drawing."""
     found = columns_of(run)
-    matched = matches(asked, found).values()
-    names = {s for s in matched if s} if asked.kind == "fit" else {asked.signal}
+    given = {signal: unit_in(column) for column, signal in matches(asked, found).items() if signal}
+    names = given if asked.kind == "fit" else {asked.signal: ""}
     step = -(-len(run.t) // DRAWN)
     return {
-        name: (tuple(run.t[::step].tolist()), tuple(found[name].values[::step].tolist()))
+        name: (
+            tuple(run.t[::step].tolist()),
+            tuple(found[name].values[::step].tolist()),
+            factor_of(names[name] or found[name].unit, found[name].unit) or 1.0,
+        )
         for name in sorted(names) if name in found
     }  # fmt: skip
 
@@ -252,9 +258,15 @@ class OpenData(FromPage):
 
 
 def _curves_in(content: str, _: Any) -> model_.Found:
-    """Parse columns of numbers, by name. Raises PgraphError."""
-    data, _ = measured(columns_in(content))
-    return model_.Found(value={name: tuple(x.tolist()) for name, x in data.items()})
+    """Parse columns of numbers, by name with unit as in "angle [deg]". Raises PgraphError."""
+    data, units = measured(columns_in(content))
+    titles = {name: f"{name} [{units[name]}]" if units.get(name) else name for name in data}
+    return model_.Found(value={titles[name]: tuple(x.tolist()) for name, x in data.items()})
+
+
+def unit_in(column: str) -> str:
+    """Return the unit in the name of a column such as "angle [deg]", or ""."""
+    return column.partition(" [")[2].removesuffix("]")
 
 
 def _with_data(state: State, file: str, columns: Mapping[str, tuple[float, ...]]) -> State:
@@ -368,8 +380,9 @@ def matches(asked: Asked, signals: Iterable[str]) -> dict[str, str]:
     """Return the signal of each column, by default that of the same name, or ""."""
     known = set(signals)
     return {
-        column: signal if signal is not None else column if column in known else ""
+        column: signal if signal is not None else name if name in known else ""
         for column, signal in asked.match.items()
+        for name in [column.partition(" [")[0]]
     }
 
 
@@ -441,15 +454,33 @@ def bounds(now: Search) -> dict[str, tuple[float, float]]:
 def fit(now: Search, present: Present, progress: Progress) -> Found:
     """Fit the free numbers to the data."""
     asked = now.asked
-    data = {signal: asked.data[column] for column, signal in asked.match.items() if signal}
-    columns, _ = measured({"t": asked.data["t"], **data})
+    data = {
+        f"{signal} [{unit}]" if (unit := unit_in(column)) else signal: np.asarray(
+            asked.data[column]
+        )
+        for column, signal in (("t", "t"), *asked.match.items())
+        if signal
+    }
     found = pg.fit(
-        now.model, columns, bounds(now), progress=lambda values, run: progress("", run),
+        now.model, data, bounds(now),
+        progress=lambda values, run: progress("", run),
         **now.request.options(now.model),
     )  # fmt: skip
     rows = [(path, present[path], x, found.errors[path]) for path, x in found.values.items()]
-    noise = [f"{name}: residuals of {size:.2g}" for name, size in found.noise.items()]
-    title, notes = f"Fit, {found.message}", (*found.undetermined, *noise)
+    missed = {name: float(np.mean(np.square(x))) for name, x in found.residuals.items()}
+    spread = {name: float(np.var(found.data[name])) for name in missed}
+    noise = [
+        f"{name}: residuals of {math.sqrt(x):.2g} {found.units[name]}, "
+        f"data that vary by {math.sqrt(spread[name]):.2g} {found.units[name]}"
+        for name, x in missed.items()
+    ]
+    share = min((1.0 - x / spread[name] for name, x in missed.items() if spread[name]), default=1.0)
+    title = f"Fit, explains {percent(share)} of the data, {found.message}"
+    if share <= 0.0:
+        title = (
+            "Bad fit: the mean of the data is closer to them than the run; check units and bounds"
+        )
+    notes = (*found.undetermined, *noise)
     return Found(asked, now.model, title, tuple(rows), notes, drawn(asked, found.run))
 
 

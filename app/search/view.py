@@ -59,11 +59,12 @@ def drawn(state: State, curves: Curves) -> list[Payload]:
     asked = state.searching
     source = {signal: column for column, signal in matches(asked, curves).items() if signal}
     shown = []
-    for name, (t, y) in curves.items():
+    for name, (t, y, factor) in curves.items():
         data: Payload = {"t": [], "y": []}
         if asked.kind == "fit" and name in source:
             step = -(-len(asked.data["t"]) // DRAWN)
-            data = {"t": asked.data["t"][::step], "y": asked.data[source[name]][::step]}
+            measured = [factor * y for y in asked.data[source[name]][::step]]
+            data = {"t": asked.data["t"][::step], "y": measured}
         shown.append({"name": name, "t": t, "y": y, "data": data})
     return shown
 

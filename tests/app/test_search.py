@@ -243,3 +243,44 @@ def test_the_thread_of_the_pages_only_draws_what_is_listed(monkeypatch):
     assert searches(edited)["waits"]
     assert choices(edited) == choices(known)
     assert not Choices.wanted(after(state, do.Sees(ME, "search", False)))
+
+
+def fitted(text, signal="rod"):
+    """Return the state after a fit of the damping to a file with a column 'angle'."""
+    state = after(begun(pendulum(damping=0.2, q=[1.2])), do.OpenData(ME, "swing.csv", text))
+    (column,) = state.searching.match
+    state = after(state, do.MatchColumn(ME, 1, column, signal))
+    state = after(state, do.FreeNumber(ME, "bodies.rod.damping", True))
+    return searched(state)[0]
+
+
+def in_degrees(text, title="angle [deg]"):
+    head, *rows = text.splitlines()
+    pairs = [row.split(",") for row in rows]
+    return "\n".join(
+        [head.replace("angle", title), *(f"{t},{np.degrees(float(x)):.9g}" for t, x in pairs)]
+    )
+
+
+def test_the_unit_in_the_head_of_a_file_is_that_of_its_numbers():
+    """Degrees were read as radians: 'converged', with a damping of 0.0033 in place of 0.037."""
+    plain, degrees = fitted(curves()), fitted(in_degrees(curves()))
+    assert searches(degrees)["columns"] == [["angle [deg]", "rod"]]
+    rows = [searches(state)["found"]["rows"][0]["found"] for state in (plain, degrees)]
+    assert rows[1] == pytest.approx(rows[0], rel=1e-4)
+    shown = searches(degrees)["curves"][0]
+    np.testing.assert_allclose(shown["data"]["y"][0], shown["y"][0], atol=0.01)
+    found = searches(degrees)["found"]
+    assert "explains 100 %" in found["title"]
+    assert any("rad" in note for note in found["notes"])
+
+
+def test_a_unit_of_another_kind_is_refused():
+    state = fitted(in_degrees(curves(), "angle [mm]"))
+    assert state.found is None
+    assert all(word in state.search_problem for word in ("mm", "rad"))
+
+
+def test_a_fit_that_explains_less_than_the_mean_of_the_data_is_called_bad():
+    found = searches(fitted(in_degrees(curves(), "angle")))["found"]
+    assert found["title"].startswith("Bad fit")
