@@ -476,10 +476,8 @@ def fit(now: Search, present: Present, progress: Progress) -> Found:
     ]
     share = min((1.0 - x / spread[name] for name, x in missed.items() if spread[name]), default=1.0)
     title = f"Fit, explains {percent(share)} of the data, {found.message}"
-    if share <= 0.0:
-        title = (
-            "Bad fit: the mean of the data is closer to them than the run; check units and bounds"
-        )
+    if share < 1.0 - share:
+        title = "Bad fit: the residuals are larger than what the run explains; check units, bounds"
     notes = (*found.undetermined, *noise)
     return Found(asked, now.model, title, tuple(rows), notes, drawn(asked, found.run))
 

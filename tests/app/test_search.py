@@ -281,6 +281,6 @@ def test_a_unit_of_another_kind_is_refused():
     assert all(word in state.search_problem for word in ("mm", "rad"))
 
 
-def test_a_fit_that_explains_less_than_the_mean_of_the_data_is_called_bad():
+def test_a_fit_whose_residuals_are_of_the_size_of_the_data_is_called_bad():
     found = searches(fitted(in_degrees(curves(), "angle")))["found"]
     assert found["title"].startswith("Bad fit")
