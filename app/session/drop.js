@@ -1,7 +1,7 @@
 // Files: a model or a zip of one dropped anywhere on the page is opened, a trial of motion capture is
 // laid over the model, a mesh becomes the shape of the selected bodies; the questions of toolbar and properties read files the same way.
 pgraph.files = (() => {
-  const LARGEST = { json: 8e6, zip: 12e6, mesh: 10e6 }; // [bytes]
+  const LARGEST = { json: 8e6, zip: 12e6, mesh: 10e6, step: 15e6 }; // [bytes]
   const TRIAL = /\.(trc|c3d|mot|sto|csv)$/i;
   const MESH = /\.(stl|obj|ply|off|glb|dae)$/i;
   let over = null,
@@ -37,6 +37,11 @@ pgraph.files = (() => {
     }
     if (TRIAL.test(file.name)) {
       trial(file);
+      return;
+    }
+    if (/\.(step|stp)$/i.test(file.name)) {
+      const text = await content(file, "step", "text", "a STEP file");
+      if (text !== undefined) pgraph.send("OpenAssembly", { name: file.name, content: text });
       return;
     }
     const zip = /\.zip$/i.test(file.name);

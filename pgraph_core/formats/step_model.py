@@ -324,7 +324,8 @@ def _closed(model: Model, builder: _Builder, report: StepReport) -> Model:
             return model
         places, rotations = mech.poses(q)
         turns = {name: (places[k], rotations[k]) for k, name in enumerate(mech.names)}
-        report.add("read", report.file, str(mobility))
+        for line in str(mobility).splitlines():
+            report.add("read", report.file, line.strip())
     for group in {id(x): x for x in builder.groups.values()}.values():
         place, turn = turns[group.name]
         move = builder.moves[group.name]
