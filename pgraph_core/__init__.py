@@ -86,6 +86,7 @@ if TYPE_CHECKING:
     from .model import Gait as Gait
     from .model import Gear as Gear
     from .model import Ground as Ground
+    from .model import Imperfect as Imperfect
     from .model import Line as Line
     from .model import Model as Model
     from .model import Motion as Motion

@@ -168,7 +168,8 @@ def own_fields(item: Any) -> tuple[str, ...]:
     if isinstance(item, pg.Cam):
         return tuple(n for n in names if n not in cams.unused(item))
     if isinstance(item, pg.Output):
-        return tuple(n for n in names if n != "coordinate" or item.kind in OF_JOINT)
+        shown = [n for n in names if n != "imperfect"]
+        return tuple(n for n in shown if n != "coordinate" or item.kind in OF_JOINT)
     if "through" in names:  # the first moving body follows from the stations
         return tuple(n for n in names if n != "body")
     if first := first_fields(item):

@@ -390,6 +390,8 @@ class _Writer(ForcesOut):
         sites = {s.name for s in found}
         for o in self.model.outputs:
             tag = Tag(words[o.kind], name=o.name)
+            if o.imperfect is not None:
+                self.out(f"output '{o.name}'", "samples with noise and delay", acts=False)
             if o.kind in OF_JOINT:
                 if not (joint := self._joint(o.at, o.coordinate)):
                     text = f"a {o.kind} of a ball or free joint"

@@ -49,6 +49,7 @@ from .control import Filter as Filter
 from .control import Sampled as Sampled
 from .control import State as State
 from .curve_point import CurvePoint as CurvePoint
+from .imperfect import Imperfect as Imperfect
 from .model import Model as Model
 from .output import Output as Output
 from .output import Site as Site

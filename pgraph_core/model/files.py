@@ -29,7 +29,8 @@ from .body import Body
 from .constraint import Constraint
 from .contact import Contact
 from .control import Control
-from .output import OF_CONTACT, OF_SUBTREE
+from .imperfect import Imperfect
+from .output import OF_CONTACT, OF_SUBTREE, Output
 from .parameters import CURVES, Formula, holds_formula, inlined, texts_in
 from .scenario import Scenario
 from .settings import STEP
@@ -40,7 +41,7 @@ from .world import Ground
 # 4: without bushings and struts; 5: without expressions; 6: without controls, moving surfaces;
 # 7: without expressions in springs; 8: without expressions in contacts, `once` in switches, speed
 # limits, outputs of subtrees and `rtol` in scenarios, with 0.01 kg m^2 for bodies without inertia;
-# 9: without beams
+# 9: without beams and imperfect outputs
 SCHEMA_VERSION = 10
 EXPRESSIONS, ONCE = 6, 9
 SCHEMA = "pgraph-model"
@@ -85,7 +86,8 @@ def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
         if not scenario["switches"]:
             del scenario["switches"]
     data["outputs"] = [
-        {k: x for k, x in o.items() if (k, x) != ("coordinate", 0)} for o in data["outputs"]
+        _without_imperfect({k: x for k, x in o.items() if (k, x) != ("coordinate", 0)})
+        for o in data["outputs"]
     ]
     data["schema_version"] = max(_versions(data))
     plain = Ground().model_dump(mode="json", exclude_none=True)
@@ -102,6 +104,15 @@ def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
         else:
             lines.append(f"  {json.dumps(key)}: {json.dumps(value)}")
     return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _without_imperfect(output: dict[str, Any]) -> dict[str, Any]:
+    """Return an output whose imperfections have no default values."""
+    if "imperfect" not in output:
+        return output
+    usual = {k: info.default for k, info in Imperfect.model_fields.items()}
+    given = {k: x for k, x in output["imperfect"].items() if x != usual[k]}
+    return {**output, "imperfect": given}
 
 
 def _of_kinds(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, type[OfKinds]]]:
@@ -125,7 +136,7 @@ def _versions(data: dict[str, Any]) -> Iterator[int]:
     yield 3 if data["sites"] or data["outputs"] else 2 if data["parameters"] else 1
     yield 4 if any("step" not in scenario for scenario in data["scenarios"]) else 1
     parts = [(Ground, data["ground"]), *((Scenario, x) for x in data["scenarios"])]
-    parts += [(Body, x) for x in data["bodies"]]
+    parts += [(Body, x) for x in data["bodies"]] + [(Output, x) for x in data["outputs"]]
     shaped = (x.get("shapes") or [x.get("shape")] for x in data["bodies"])
     parts += [(Shape, shape) for shapes in shaped for shape in shapes if shape]
     named = data["parameters"]

@@ -6,8 +6,21 @@ from typing import Literal, NamedTuple, Self
 
 from pydantic import model_validator
 
-from ..fields import GROUND, Described, Quat, Text, Vec3, Whole, field, quaternion, refuse, vector
+from ..fields import (
+    GROUND,
+    Described,
+    Quat,
+    Text,
+    Vec3,
+    Whole,
+    field,
+    maybe_part_of,
+    quaternion,
+    refuse,
+    vector,
+)
 from ..units import M
+from .imperfect import Imperfect
 
 
 class Site(Described):
@@ -91,7 +104,8 @@ class Output(Described):
     kinds `subtree_position`, `subtree_velocity` and `subtree_momentum` are the centre of mass of
     the body and of all bodies that it carries, its velocity, and their angular momentum about it,
     in world axes. With `at="ground"`, they are those of the whole model. The kind `touch` is the
-    size of the sum of the forces of all contacts on the body, with their friction.
+    size of the sum of the forces of all contacts on the body, with their friction. With
+    `imperfect`, `run.measured[name]` has samples with noise, delay and a range.
     """
 
     name: Text = field("a non-empty string", label="Name")
@@ -102,8 +116,16 @@ class Output(Described):
         default=0, ge=0, le=5, help="index of the joint degree of freedom, starting at 0",
     )  # fmt: skip
 
+    imperfect: Imperfect | None = field(
+        "the imperfections of a sensor, {'sample': ..., 'density': ...}, or None",
+        converter=maybe_part_of(Imperfect), default=None, since=10,
+    )  # fmt: skip
+
     @model_validator(mode="after")
     def _possible(self) -> Self:
+        if self.imperfect is not None and self.kind == "rotation":
+            text = "does not apply to rotation, a quaternion, whose numbers take no noise; give it "
+            refuse([("imperfect", f"{text}to angular_velocity or gyro")])
         if self.coordinate and self.kind not in OF_JOINT:
             refuse([("coordinate", f"does not apply to {self.kind}; remove it")])
         return self

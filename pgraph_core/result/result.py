@@ -12,8 +12,6 @@ import numpy as np
 
 from ..dynamics.states import (
     BodyMotion,
-    Sensors,
-    no_motion,
     ranges_of_motion,
     sizes_of_states,
 )
@@ -38,6 +36,7 @@ from .columns import (
 )
 from .dense import states_at
 from .exports import ARRAYS, Exports
+from .measured import Measuring
 from .paths import Path, paths_of
 from .records import (
     NO_DERIVATIVES,
@@ -109,7 +108,7 @@ def _touching(kind: str, joined: Any, what: str) -> Any:
 @guarded(other="a run does not change; dataclasses.replace(run, q=...) makes another one")
 @explained
 @dataclass(frozen=True, eq=False)
-class Result(Exports, EqualByFields, Portable):
+class Result(Exports, Measuring, EqualByFields, Portable):
     """The result of a run, with arrays that have one row per recorded frame.
 
     If a run fails, the frames up to the failure are available. Two runs are considered equal if
@@ -589,14 +588,6 @@ class Result(Exports, EqualByFields, Portable):
         """Poses, velocities, accelerations and joint forces, computed on first access."""
         found = body_motion(self)
         return found if "body_pose" not in vars(self) else found._replace(pose=self.body_pose)
-
-    @cached_property
-    def outputs(self) -> Mapping[str, Array]:
-        """Readings of the model's outputs, {name: (n,), (n, 3) or (n, 4)}. See `Output`."""
-        sensors = Sensors(self.mechanism.packed, self.mechanism.model)
-        motion = self.body_motion if sensors.moves else no_motion(len(self.t))
-        read = sensors.read(self.q.copy(), self.v.copy(), motion, self.contacts.wrench)
-        return Named(sensors.by_name(read), "outputs", "output")
 
     @cached_property
     def cams(self) -> Mapping[str, CamRecord]:

@@ -48,7 +48,7 @@ from .plan_notices import filled, hard, lost, too_wide
 from .rates import Rate
 from .remedies import or_by_error
 from .run_plan import NO_GAINS, NO_SUBSTEPS, NO_TIMES, Idle, RunPlan, Way
-from .sampling import samples_of
+from .sampling import samples_of, with_readings
 from .start import controller_of, initial_state, is_controller
 from .switches import (
     ever,
@@ -320,6 +320,8 @@ def _with_times(mech: Mechanism, plan: RunPlan, o: Options, span: tuple[float, f
     """Return the plan with its recorded times, and its steps or tolerance."""
     changes, tolerance = plan.changes, o.tolerance(plan.method, span[1] - span[0])
     width, asked = _times(o, tolerance, span)
+    if o.frames is None and o.t_eval is None and mech.model.outputs:
+        asked = with_readings(mech.model.outputs, asked, width)
     times, samples = asked, samples_of(o.sample, width, span)
     if changes or len(samples):
         times, changes, samples = with_instants(times, changes, samples)

@@ -74,9 +74,9 @@ class Way:
         """The step size [s], or None if the method chooses it."""
         return float(self.width.max(initial=0.0)) if self.tolerance is None else None
 
-    @property
+    @cached_property
     def stops(self) -> list[float]:
-        """Return the times of frames at which steps stop for a change or a sample."""
+        """The times of frames at which steps stop for a change or a sample."""
         return [*(change.t for change in self.changes), *self.samples[1:].tolist()]
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,9 +10,11 @@ import numpy as np
 from ..dynamics.arguments import answer_of, of_state
 from ..dynamics.remembering import Calls
 from ..errors import InputError, Problem, shown
+from ..model import Output
 from ..model.settings import MOST_FRAMES
 from ..packing import Array
-from ..tolerances import SOLVED
+from ..result.measured import reading_times
+from ..tolerances import ROUNDING, SOLVED
 from .run_plan import NO_TIMES
 
 
@@ -50,6 +52,39 @@ def samples_of(sample: float | None, step: float, span: tuple[float, float]) -> 
     if steps and abs(steps * step - sample) <= SOLVED * step:
         return span[0] + k * steps * step  # as a Stepper counts them
     return span[0] + k * sample
+
+
+def with_readings(outputs: Sequence[Output], times: Array, step: float) -> Array:
+    """Return the times of frames, with those at which imperfect outputs are read.
+
+    `step` is that of fixed steps, or 0. Raises InputError if steps are wider than the time between
+    samples, if values would be older than the run, or if there are too many samples.
+    """
+    start, end = float(times[0]), float(times[-1])
+    read = [times[:0]]
+    for o in outputs:
+        if (given := o.imperfect) is None:
+            continue
+        where, count = f"output '{o.name}'", (end - start) / given.sample
+        if given.sample < step * (1.0 - SOLVED):
+            text = f"{given.sample:g} s is below the step of the run, {step:g} s; give step="
+            text += f"{given.sample:g} or less, or a longer time between samples"
+            raise InputError(Problem(where, "imperfect.sample", text))
+        if given.latency > end - start:
+            text = f"{given.latency:g} s is longer than the run, of {end - start:g} s; give a "
+            raise InputError(Problem(where, "imperfect.latency", f"{text}shorter one"))
+        if count > MOST_FRAMES:
+            text = f"{given.sample:g} s makes {count:.3g} samples of this run, and {MOST_FRAMES} "
+            raise InputError(Problem(where, "imperfect.sample", f"{text}are allowed; give more"))
+        read.append(reading_times(given, start, end))
+    new = np.unique(np.concatenate(read))
+    if not len(new):
+        return times
+    near = ROUNDING * max(abs(start), abs(end))
+    new = new[np.append(True, np.diff(new) > near)]
+    after = np.clip(np.searchsorted(times, new), 1, len(times) - 1)
+    off = np.minimum(np.abs(times[after - 1] - new), np.abs(times[after] - new))
+    return np.union1d(times, new[off > near])
 
 
 class Sampled:

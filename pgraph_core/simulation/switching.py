@@ -59,24 +59,24 @@ class Switching:
             notice = notice if self._redundant else unequal(record.mech, record.active)
             record.ended.notices += [notice] if notice else []
 
-    def _next(self) -> float | None:
-        """Return the time of the next change or sample [s], or None."""
+    def _next(self) -> float:
+        """Return the time of the next change or sample, or else the end [s]."""
         due = [change.t for change in self._ahead][:1] + [*self._samples][:1]
-        return min(due, default=None)
+        return min(due, default=float(self.record.plan.times[-1]))
 
     def stop_at_next(self) -> None:
         """Set the loop to stop at the next change or sample, or at the end."""
-        times, t = self.record.plan.times, self._next()
-        to = times[-1] if t is None else t
-        self.record.steps.end_at(int(np.searchsorted(times, to)) + 1)
+        times = self.record.plan.times
+        self.record.steps.end_at(int(np.searchsorted(times, self._next())) + 1)
 
     def apply_next(self) -> bool:
         """Apply the next change, and take the sample at its time, or the next sample.
 
         Returns False if there is none, or if the run ends.
         """
-        if (t := self._next()) is None:
+        if not (self._ahead or self._samples):
             return False
+        t = self._next()
         if sampled := bool(self._samples) and self._samples[0] == t:
             self._samples.popleft()
         if changes := bool(self._ahead) and self._ahead[0].t == t:
