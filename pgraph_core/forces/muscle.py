@@ -35,7 +35,7 @@ from .path import BetweenPoints, on_path, pack_points
 STEEPEST = math.acos(0.1)  # rad: pennation at the shortest fibre, as in OpenSim
 
 
-def of_model(accepted: str, help: str, dim: Dim, **bounds: float) -> Any:
+def of_model(accepted: str, help: str, dim: Dim, **bounds: Any) -> Any:
     """Declare a number that the model of a muscle has, too."""
     text = f"{help}; default: of the model"
     return field(f"{accepted}, or None", default=None, dim=dim, help=text, **bounds)

@@ -133,14 +133,6 @@ def simm_rows(x: Sequence[float], y: Sequence[float]) -> tuple[Row, ...]:
     return tuple(zip(x, y, slopes.tolist()))
 
 
-def natural_rows(x: Sequence[float], y: Sequence[float]) -> tuple[Row, ...]:
-    """Return the rows of a cubic spline through points that does not bend at its ends."""
-    from scipy.interpolate import CubicSpline
-
-    slopes = CubicSpline(x, y, bc_type="natural")(x, nu=1)
-    return tuple(zip(x, y, slopes.tolist()))
-
-
 SPLINES = {"SimmSpline": simm_rows, "NaturalCubicSpline": simm_rows, "natCubicSpline": simm_rows}
 
 
