@@ -20,7 +20,7 @@ from ..core.rows import refuse_moved
 from ..core.state import Notice, told, with_client
 from ..pose import poses
 from ..properties.body_cells import edit_of
-from ..scene import View, marks
+from ..scene import View, ties
 from ..signals import clicked as signal_of
 from . import GROUND, Aim, Spot, State
 from .spots import Ray, spot
@@ -170,9 +170,9 @@ def joined_at(state: State, event: Pointed) -> bool:
     if "joining" not in state.shown or not 1e-9 < length < 1e9:
         return False
     positions, wxyz = poses(state)
-    joined = marks.joinings(state, positions, shapes.to_matrix(np.asarray(wxyz)))
+    joined = ties.joinings(state, positions, shapes.to_matrix(np.asarray(wxyz)))
     origin = np.asarray(event.origin)
-    return any(joined[kind].hit(origin, direction / length) for kind in marks.OPENS)
+    return any(joined[kind].hit(origin, direction / length) for kind in ties.OPENS)
 
 
 def taken(state: State, client: int, aim: Aim, found: Spot) -> State:

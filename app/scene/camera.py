@@ -14,7 +14,7 @@ from ..core.bridge import Bridge
 from ..core.views import requests
 from ..pose import poses
 from ..run.runs import FEW
-from . import Client, State, View, marks
+from . import Client, State, View, marks, ties
 from .marks import looks
 
 ALONG = "/along/{}"  # the node that cameras follow, one of its own for each model that is opened
@@ -203,7 +203,7 @@ def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:
     corners = bodies.extent([found[i] for i in k], positions[k], R[k])
     if names:
         return corners
-    joining = [found.ends.reshape(-1, 3) for found in marks.joinings(state, positions, R).values()]
+    joining = [found.ends.reshape(-1, 3) for found in ties.joinings(state, positions, R).values()]
     lines = marks.tracks(state) if "tracks" in state.shown else {}
     tracks = marks.world(lines, np.asarray(positions), R)
     drawn = np.concatenate([corners, *joining, tracks.reshape(-1, 3), passed(state)])

@@ -12,7 +12,7 @@ from pgraph_core.rotation import frame_of
 from pgraph_core.show import shapes
 from pgraph_core.show.bodies import SEPARATE
 
-from . import State, marks
+from . import State, marks, ties
 
 STAY = {"axes", "links"}  # lines of one look, whatever the model
 AXIS, LINK, COM, FORCE = (224, 120, 20), (96, 106, 120), (200, 40, 150), (30, 160, 90)
@@ -20,7 +20,7 @@ INERTIA, POINT, CONE, PULL = (110, 80, 200), (220, 50, 40), (30, 160, 90), (230,
 TRACK = (92, 100, 110)
 METAL, LOAD, STEEL = (150, 158, 168), (214, 92, 40), (92, 100, 110)
 NOWHERE = np.zeros(3)
-NOTHING = marks.Joining(np.zeros((0, 2, 3)), np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3)))
+NOTHING = ties.Joining(np.zeros((0, 2, 3)), np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3)))
 WIDER = 1.15  # width of the opened part over that of the others
 HIDDEN = 0.35  # opacity of the opened part where a body is before it
 JOINING = {  # kind: solid, colour, opacity
@@ -42,10 +42,10 @@ class Overlays:
     """
 
     def __init__(
-        self, server: viser.ViserServer, clicked: Callable[[int, marks.Part], None] | None = None
+        self, server: viser.ViserServer, clicked: Callable[[int, ties.Part], None] | None = None
     ):
         self._scene, self._clicked = server.scene, clicked
-        self.joined: Mapping[str, marks.Joining] = {}  # drawn marks by kind
+        self.joined: Mapping[str, ties.Joining] = {}  # drawn marks by kind
         self._nodes: dict[str, list[Any]] = {}
         self._solids: marks.Placed | None = None
         self._attached = True  # the nodes hang on those of bodies
@@ -114,7 +114,7 @@ class Overlays:
     ) -> None:
         """Draw springs, rods, brackets of pivots, paths, and arrows for the applied forces."""
         on, R = "joining" in state.shown, shapes.to_matrix(wxyz)
-        self.joined = marks.joinings(state, positions, R) if on else {}
+        self.joined = ties.joinings(state, positions, R) if on else {}
         for kind, (solid, color, opacity) in JOINING.items():
             found, name = self.joined.get(kind, NOTHING), f"joining/{kind}"
             made = self._batch(
@@ -122,13 +122,13 @@ class Overlays:
                 color if found.colors is None else found.colors.astype(np.uint8), opacity,
                 shadow=opacity is None,
             )  # fmt: skip
-            if made and kind in marks.OPENS and self._clicked is not None:
+            if made and kind in ties.OPENS and self._clicked is not None:
                 self._open_on_click(kind, self._nodes[name][0], self._clicked)
         arrows = marks.loads(state, positions, R) if on else np.zeros((0, 2, 3))
         self._arrows("loads", (arrows - gone).astype(np.float32), state.derived.size, LOAD)
 
     def _open_on_click(
-        self, kind: str, node: Any, clicked: Callable[[int, marks.Part], None]
+        self, kind: str, node: Any, clicked: Callable[[int, ties.Part], None]
     ) -> None:
         """Tell about clicks on the marks of one node which part they show."""
 
@@ -200,9 +200,9 @@ class Opened:
         self._scene = scene
         self._nodes: dict[str, list[Any]] = {}
 
-    def render(self, part: marks.Part | None, joined: Mapping[str, marks.Joining]) -> None:
+    def render(self, part: ties.Part | None, joined: Mapping[str, ties.Joining]) -> None:
         """Draw the marks of a part. The page gives them its colour."""
-        for kind in marks.OPENS:
+        for kind in ties.OPENS:
             solid, color, _ = JOINING[kind]
             found = joined.get(kind, NOTHING).only(part)
             for name, opacity in (("behind", HIDDEN), ("fill", None)):

@@ -24,7 +24,7 @@ from ..pose.update import DragBody, Pull
 from ..pose.view import Gizmos
 from ..run import GoLiveHere, Run
 from ..session import Select
-from . import Client, State, Unreadable, marks, nodes
+from . import Client, State, Unreadable, marks, nodes, ties
 from .camera import CameraView, ground
 from .camera import viewpoint as viewpoint
 from .marks import looks
@@ -102,7 +102,7 @@ class SceneView:
     def _open(self, old: State, new: State, changed: bool) -> None:
         """Draw the connection that is open on a page, on that page only, and tell all names."""
         joined = self._overlays.joined
-        names = {kind: joined[kind].names() for kind in marks.OPENS if kind in joined}
+        names = {kind: joined[kind].names() for kind in ties.OPENS if kind in joined}
         for client in self._told.keys() - new.clients.keys():
             self._opened.pop(client, None)
             del self._told[client]
@@ -120,7 +120,7 @@ class SceneView:
                 self._opened[client] = Opened(handle.scene)
             self._opened[client].render(page.opened, joined)
 
-    def _clicked_part(self, client: int, part: marks.Part) -> None:
+    def _clicked_part(self, client: int, part: ties.Part) -> None:
         """Open what a mark shows."""
         page = self._state.clients.get(client) if self._state else None
         if page is not None and not page.aims and not page.picking:

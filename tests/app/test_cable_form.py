@@ -9,7 +9,7 @@ from pgraph_app.constraints.mobility import mobility_report
 from pgraph_app.constraints.view import constraints
 from pgraph_app.core.state import derive
 from pgraph_app.digraph.view import digraph
-from pgraph_app.scene import marks
+from pgraph_app.scene import ties
 from pgraph_core.show import shapes
 
 from .store import ME, after, begun, do, reply
@@ -135,7 +135,7 @@ def test_a_hook_hangs_upright_from_a_drum(x, order):
     state = led(model, *("winch", "hook")[::order])
     assert lies(state)
     d = state.derived
-    threads = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))["rods"]
+    threads = ties.joinings(state, d.positions, shapes.to_matrix(d.wxyz))["rods"]
     np.testing.assert_allclose(threads.ends[0, :, 0], x, atol=1e-12)  # a vertical span
 
 
@@ -148,7 +148,7 @@ def test_a_point_of_the_ground_is_above_the_block_that_hangs_on_it():
     assert part(state).through[0].point == (-0.1, 0.0, 2.0)
     assert lies(state)
     d = state.derived
-    threads = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))["rods"]
+    threads = ties.joinings(state, d.positions, shapes.to_matrix(d.wxyz))["rods"]
     assert {round(x, 9) for x in threads.ends[[0, -1], 0, 0]} == {-0.1, 0.3}
 
 
@@ -231,7 +231,7 @@ def test_what_cannot_lie_says_so_at_its_rows_and_is_not_drawn():
     assert "give side=1" in first["note"]
     assert "bad" not in rows(edit(other, ((0, 4), "1")))[0]
     d = other.derived
-    threads = marks.joinings(other, d.positions, shapes.to_matrix(d.wxyz))["rods"]
+    threads = ties.joinings(other, d.positions, shapes.to_matrix(d.wxyz))["rods"]
     assert not len(threads.ends)
 
 
@@ -263,14 +263,14 @@ def test_a_wheel_that_no_shape_shows_is_drawn():
     d = state.derived
 
     def drums(state):
-        return marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))["drums"]
+        return ties.joinings(state, d.positions, shapes.to_matrix(d.wxyz))["drums"]
 
     assert not len(drums(state).size)  # its cylinder
     drawn = drums(edit(state, ((1, 2), "0.2")))
     np.testing.assert_allclose(drawn.at, [(0, 0, 2)], atol=1e-12)
     np.testing.assert_allclose(drawn.size[0, :2], 0.4)
     bare = led(BELT, "motor", "load", closed=True)
-    assert len(marks.joinings(bare, np.zeros((2, 3)), np.array([np.eye(3)] * 2))["drums"].size) == 2
+    assert len(ties.joinings(bare, np.zeros((2, 3)), np.array([np.eye(3)] * 2))["drums"].size) == 2
 
 
 def test_a_cable_that_cannot_lie_there_is_named_in_the_report_of_the_page():

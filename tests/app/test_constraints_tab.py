@@ -18,7 +18,7 @@ from pgraph_app.digraph.view import digraph
 from pgraph_app.picking import Aim, Spot
 from pgraph_app.picking.update import in_axes_of, taken
 from pgraph_app.plots import Signal, curves, of_scene, unit
-from pgraph_app.scene import marks
+from pgraph_app.scene import ties
 from pgraph_core.show import shapes
 
 from .store import ME, OTHER, after, answered, begun, built_in, do, notice, reply
@@ -232,7 +232,7 @@ def rows_of(state, *fields):
 def pulls(state):
     """The length of the path that the page shows [m]."""
     d = state.derived
-    springs = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))["springs"]
+    springs = ties.joinings(state, d.positions, shapes.to_matrix(d.wxyz))["springs"]
     return np.linalg.norm(springs.ends[:, 0] - springs.ends[:, 1], axis=1).sum()
 
 
@@ -251,7 +251,7 @@ def test_via_points_are_added_typed_drawn_and_taken_out(state, kind):
     (line,) = next(x for x in shown(state)["lists"] if x["part"] == "forces")["items"]
     assert line["between"] == "3, 2, ground, 1"
     d = state.derived
-    ends = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))["springs"].ends
+    ends = ties.joinings(state, d.positions, shapes.to_matrix(d.wxyz))["springs"].ends
     assert len(ends) == 3
     np.testing.assert_allclose(ends[1:, 0], ends[:-1, 1])
     np.testing.assert_allclose(ends[1, 1], two.point)
@@ -321,7 +321,7 @@ def test_via_points_have_beads_and_obstacles_are_drawn_once(state):
     state = edit(state, "forces", "spring", "via", ((2, 2), "0.07"))
     state = after(state, do.DuplicatePart(ME, "forces", "spring"))
     d = state.derived
-    found = marks.joinings(state, d.positions, shapes.to_matrix(d.wxyz))
+    found = ties.joinings(state, d.positions, shapes.to_matrix(d.wxyz))
     assert [len(found[kind].at) for kind in ("beads", "balls", "drums")] == [1, 1, 1]
     drum, ball, bead = (found[kind] for kind in ("drums", "balls", "beads"))
     assert drum.size[0] == pytest.approx([0.1, 0.1, 0.05])  # half as long as it is wide
@@ -680,7 +680,7 @@ def test_a_point_of_a_path_becomes_an_obstacle_with_an_axis_and_a_side():
     found = state.model.forces[0].via[0]
     assert (found.radii, found.rotation) == ((0.03, 0.02, 0.03), (1.0, 0.0, 0.0, 1.0))
     R = shapes.to_matrix(state.derived.wxyz)
-    balls = marks.joinings(state, state.derived.positions, R)["balls"]
+    balls = ties.joinings(state, state.derived.positions, R)["balls"]
     assert balls.size[0] == pytest.approx([0.06, 0.04, 0.06])
     state = typed(((0, 2), "0.05"))
     assert (state.model.forces[0].via[0].radius, state.model.forces[0].via[0].radii) == (0.05, None)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import pgraph_core as pg
 from pgraph_app.pose import poses
-from pgraph_app.scene import marks
+from pgraph_app.scene import ties
 from pgraph_core.show import shapes
 
 from .store import ME, after, begun, do
@@ -37,21 +37,21 @@ MODEL = pg.Model(
 
 def joined(state):
     positions, wxyz = poses(state)
-    return marks.joinings(state, positions, shapes.to_matrix(np.asarray(wxyz)))
+    return ties.joinings(state, positions, shapes.to_matrix(np.asarray(wxyz)))
 
 
 def test_each_mark_knows_the_part_that_it_shows():
     state = begun(MODEL)
     found = joined(state)
-    assert all(len(found[kind].of) == len(found[kind].at) for kind in marks.OPENS)
-    shown = {kind: set(found[kind].of) for kind in marks.OPENS}
+    assert all(len(found[kind].of) == len(found[kind].at) for kind in ties.OPENS)
+    shown = {kind: set(found[kind].of) for kind in ties.OPENS}
     assert shown == {
         "springs": {("forces", "s"), ("forces", "led")},
         "rods": {("constraints", "d"), ("forces", "c"), ("forces", "led")},
         "muscles": {("forces", "m")},
         "beads": {("forces", "led")},
     }
-    for kind in marks.OPENS:
+    for kind in ties.OPENS:
         runs = found[kind].names()
         assert [one for of, name, n in runs for one in [(of, name)] * n] == list(found[kind].of)
     (only,) = found["rods"].only(("constraints", "d")).ends
@@ -82,7 +82,7 @@ def test_a_ray_hits_a_mark_where_it_comes_nearer_than_its_radius(seed):
     fine = np.linalg.norm(end - begin) / 1999  # no point of the span is farther from one of them
     for wide, hit in ((2 * gap + 2 * fine, True), (2 * max(gap - 2 * fine, 0.0), False)):
         if wide or hit:
-            mark = marks._between([marks.Span(begin, end, wide)])
+            mark = ties._between([ties.Span(begin, end, wide)])
             assert mark.hit(origin, way) is hit
             assert not mark.hit(origin, -way)  # behind
 
@@ -90,7 +90,7 @@ def test_a_ray_hits_a_mark_where_it_comes_nearer_than_its_radius(seed):
 def test_marks_stand_along_their_spans():
     rng = np.random.default_rng(3)
     ways = [*rng.normal(size=(20, 3)), (0, 0, 1), (0, 0, -1), (0, 0, 0), (1e-9, 0, -1)]
-    found = marks._between([marks.Span(np.zeros(3), np.array(way, float), 1.0) for way in ways])
+    found = ties._between([ties.Span(np.zeros(3), np.array(way, float), 1.0) for way in ways])
     R = shapes.to_matrix(found.wxyz)
     assert np.linalg.det(R) == pytest.approx(1.0)
     np.testing.assert_allclose(R[:, :, 2] * found.size[:, 2:], ways, atol=2e-9)

@@ -6,7 +6,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.constraints.view import between, constraints, form
 from pgraph_app.core.cells import Display
-from pgraph_app.scene import marks
+from pgraph_app.scene import ties
 
 from .store import ME, after, begun, do, reply
 
@@ -71,12 +71,12 @@ def test_the_shape_is_typed_by_names():
 
 def test_a_muscle_is_drawn_with_the_colour_of_its_excitation():
     state = edited(led(), "excitation", "1")
-    drawn = marks.joinings(state, np.zeros((2, 3)), np.array([np.eye(3)] * 2))["muscles"]
+    drawn = ties.joinings(state, np.zeros((2, 3)), np.array([np.eye(3)] * 2))["muscles"]
     assert len(drawn.at) == 1
-    np.testing.assert_array_equal(drawn.colors, [marks.ACTIVE])
+    np.testing.assert_array_equal(drawn.colors, [ties.ACTIVE])
     rest = edited(led(), "excitation", "0")
-    drawn = marks.joinings(rest, np.zeros((2, 3)), np.array([np.eye(3)] * 2))["muscles"]
-    np.testing.assert_array_equal(drawn.colors, [marks.AT_REST])
+    drawn = ties.joinings(rest, np.zeros((2, 3)), np.array([np.eye(3)] * 2))["muscles"]
+    np.testing.assert_array_equal(drawn.colors, [ties.AT_REST])
 
 
 def test_a_line_of_the_list_names_a_body_once_for_points_that_follow_each_other_on_it():

@@ -19,7 +19,7 @@ from pgraph_app.pose.solving import WEIGHTS, pull_force
 from pgraph_app.pose.update import rounded
 from pgraph_app.pose.view import joints
 from pgraph_app.run.runs import TRAVELS
-from pgraph_app.scene import camera, marks
+from pgraph_app.scene import camera, marks, ties
 from pgraph_app.scene.nodes import BatchedBodies, SeparateBodies
 from pgraph_app.table.view import table
 from pgraph_core.show import shapes, stage
@@ -53,7 +53,7 @@ def touching(*balls):
 )
 def test_each_pivot_on_the_ground_has_a_bracket_along_its_axis(name, points):
     model = built_in(name)
-    found = marks.pivots(begun(model))
+    found = ties.pivots(begun(model))
     assert found.ends[:, 1] == pytest.approx(np.reshape(points, (-1, 3)), abs=1e-9)
     R = shapes.to_matrix(found.wxyz)
     assert np.linalg.det(R) == pytest.approx(1.0)
@@ -64,7 +64,7 @@ def test_each_pivot_on_the_ground_has_a_bracket_along_its_axis(name, points):
 def test_a_loop_closed_on_the_ground_has_a_bracket_too():
     arm = pg.Body(name="arm", tip=(1, 0, 0), com=(0.5, 0, 0), axes=((0, 0, 1),))
     pin = pg.Constraint(kind="point", name="pin", body="arm", point=(1, 0, 0))
-    both = marks.pivots(begun(pg.Model(bodies=(arm,), constraints=(pin,), up="y")))
+    both = ties.pivots(begun(pg.Model(bodies=(arm,), constraints=(pin,), up="y")))
     assert both.ends[:, 1] == pytest.approx(np.array([(0, 0, 0), (1, 0, 0)]), abs=1e-12)
 
 

@@ -13,7 +13,7 @@ from pgraph_app.playback import Pause, Scrub
 from pgraph_app.pose.update import HomePose, MoveJoint
 from pgraph_app.properties.update import EditBodies
 from pgraph_app.run import SetRun
-from pgraph_app.scene import Show, View, marks
+from pgraph_app.scene import Show, View, ties
 from pgraph_app.server import Server
 from pgraph_app.table import DeleteBodies
 from pgraph_core.show.stage import TOWARDS, towards
@@ -245,7 +245,7 @@ def test_a_spring_is_opened_by_a_click_and_has_the_accent_on_that_page(page, ser
     page.evaluate("pgraph.front('Connections')")
     steady(page, served)
     state = served.store.state
-    (end,) = marks.joinings(state, state.derived.positions, np.eye(3)[None].repeat(4, 0))[
+    (end,) = ties.joinings(state, state.derived.positions, np.eye(3)[None].repeat(4, 0))[
         "springs"
     ].at
 
