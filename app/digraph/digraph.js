@@ -31,11 +31,11 @@ pgraph.digraph = (() => {
         make("span", {
           title:
             "Pgraph: the order of a walk round the tree. jdof, below it: the degrees of freedom that each entry adds. In italics: back at a body that several branches leave",
-          textContent: "Pgraph, jdof",
+          textContent: "Pgraph vector, DoF per joint",
         }),
         make("button", {
           className: "link walk",
-          textContent: "Steps",
+          textContent: "How it is built",
           title: "The seven steps that make Pgraph, and a frame update",
           onclick: () => pgraph.steps.toggle(),
         }),

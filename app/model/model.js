@@ -48,7 +48,7 @@
         onclick: () => pgraph.palette.open(),
       },
       pgraph.icon("search"),
-      text("span", "", "Search"),
+      text("span", "", "Search bodies and commands"),
       text("kbd", "", "Ctrl K"),
     );
     host.replaceChildren(

@@ -76,7 +76,10 @@
       event.preventDefault();
       next.focus(); // which takes what is typed
     });
-    slider.addEventListener("input", () => later(() => pose(0, slider.value)));
+    slider.addEventListener("input", () => {
+      filled(slider);
+      later(() => pose(0, slider.value));
+    });
     slider.addEventListener("change", () =>
       pose(pgraph.nextSerial(), `${slider.value} ${of().si}`),
     ); // let go: the camera may move now
@@ -131,7 +134,21 @@
     slider.min = row.low;
     slider.max = row.high;
     if (!slider.dataset.held) slider.value = row.value;
+    filled(slider);
     cells.set(line.querySelector(".cell"), Math.abs(row.value) < ROUNDING ? 0 : row.shown);
+  }
+
+  // The track is filled from zero, where it has a mark, to the value.
+  function filled(slider) {
+    const { min, max, value } = slider,
+      share = (x) => Math.min(1, Math.max(0, (x - min) / (max - min || 1))),
+      [zero, now] = [share(0), share(value)];
+    for (const [name, at] of [
+      ["--zero", zero],
+      ["--from", Math.min(zero, now)],
+      ["--to", Math.max(zero, now)],
+    ])
+      slider.style.setProperty(name, at.toFixed(3));
   }
 
   function later(act) {

@@ -43,7 +43,7 @@ def world(state: State, display: Display) -> Payload:
     """Return the form that is shown if no body is selected."""
     return {
         "title": state.model.name,
-        "subtitle": "Model; click a body to edit it" if state.model.bodies else "Model",
+        "subtitle": "Model",
         "groups": [_general(state), *_ground(state, display), _parameters(state)],
     }
 

@@ -12,7 +12,7 @@ from .. import constraints, pose
 from ..core.events import Event, FromPage, Request
 from ..core.state import Notice, told, with_client
 
-SHOWN_AT_FIRST = frozenset({"shapes", "joining", "tracks", "sites", "branches", "forces"})
+SHOWN_AT_FIRST = frozenset({"shapes", "joining", "tracks", "sites", "forces"})
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,16 @@
     ["rotation", "orientation"],
   ];
 
+  // Marks that are not listed are of joints.
+  const GROUPS = {
+    Bodies: ["shapes", "branches", "names", "coms", "inertias", "frames", "sites"],
+    "Joints and connections": [],
+    Contacts: ["points", "forces", "cones", "footprints"],
+    Camera: ["follow"],
+  };
+  const groupOf = (what) =>
+    Object.keys(GROUPS).find((group) => GROUPS[group].includes(what)) ?? "Joints and connections";
+
   function build(host) {
     const gizmo = make(
       "select",
@@ -85,21 +95,28 @@
 
   function draw(host, data) {
     const box = host.querySelector(".switches");
-    const known = [...box.querySelectorAll("input")].map((input) => input.dataset.what).join();
-    if (known !== data.switches.map(({ what }) => what).join()) {
+    const known = [...box.querySelectorAll("input")]
+      .map((input) => input.dataset.what)
+      .sort()
+      .join();
+    const wanted = data.switches.map(({ what }) => what).sort();
+    if (known !== wanted.join()) {
+      const row = ({ what, label }) =>
+        make(
+          "label",
+          {},
+          make("input", {
+            type: "checkbox",
+            "data-what": what,
+            onchange: (event) => send("Show", { what, on: event.target.checked }),
+          }),
+          make("span", { textContent: label }),
+        );
       box.replaceChildren(
-        ...data.switches.map(({ what, label }) =>
-          make(
-            "label",
-            {},
-            make("input", {
-              type: "checkbox",
-              "data-what": what,
-              onchange: (event) => send("Show", { what, on: event.target.checked }),
-            }),
-            label,
-          ),
-        ),
+        ...Object.keys(GROUPS).flatMap((group) => {
+          const own = data.switches.filter(({ what }) => groupOf(what) === group);
+          return own.length ? [make("h4", { textContent: group }), ...own.map(row)] : [];
+        }),
       );
     }
     data.switches.forEach(({ what, on }) => {

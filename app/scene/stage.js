@@ -18,8 +18,8 @@ pgraph.stage = (() => {
       return 1. - min(min(q.x, q.y) / width, 1.);
     }
     void main() { // distances in sizes of the model
-      float d = distance(localPosition.xz, centre.xz) / fadeStrength, far = exp(-.42 * d * d), near = exp(-1.05 * d * d);
-      float line = max(lines(cellSize, 1.) * .34, lines(sectionSize, 1.2) * .8) * near;
+      float d = distance(localPosition.xz, centre.xz) / fadeStrength, far = exp(-.020 * d * d), near = exp(-.11 * d * d);
+      float line = max(lines(cellSize, 1.) * .24, lines(sectionSize, 1.2) * .55) * near;
       float shadow = (1. - getShadowMask()) * shadowOpacity * far, alpha = 1. - (1. - far) * (1. - shadow) * (1. - line);
       vec3 colour = mix(mix(planeColor * far, vec3(0.), shadow), cellColor, line);
       if (alpha < .004) discard;
@@ -109,9 +109,10 @@ pgraph.stage = (() => {
     viser.materials(name, (material) => {
       if (material.roughness === 1) material.roughness = 0.5;
     });
-  // In its own colour, lighter, with a faint accent where something else is before it, and over all of it its mass centre.
-  const ORDER = { behind: 1, fill: 2, centre: 3 },
-    LIGHTER = 0.25; // arrows come after them
+  // In the accent, faintly where something else is before it, and over all of it its mass centre.
+  const ORDER = { behind: 1, fill: 2, centre: 3 }, // arrows come after them
+    WHITE = { fill: 0.12, centre: 1 }, // of the colour
+    GLOW = { fill: 0.3, behind: 1 };
   viser.frame(() => {
     for (let k = 0; node(`/selected/${k}`); k++)
       for (const part of ["outline", "behind", "fill", "centre"])
@@ -125,11 +126,10 @@ pgraph.stage = (() => {
       return;
     }
     mesh.renderOrder = ORDER[part];
-    const { userData } = material; // viser takes the material of one selection for the next one, in another colour
-    if (!userData.painted?.equals(material.color)) userData.own = material.color.clone();
-    material.color.set(part === "fill" ? "#fff" : tone(part === "centre" ? "--ink" : "--accent"));
-    if (part === "fill") material.color.lerp(userData.own, 1 - LIGHTER);
-    userData.painted = material.color.clone();
+    material.color.set(tone("--accent"));
+    material.emissive?.set(tone("--accent")); // also in the shade
+    if (material.emissive) material.emissiveIntensity = GLOW[part] ?? 0;
+    if (WHITE[part]) material.color.lerp(material.color.clone().setScalar(1), WHITE[part]);
     if (part === "behind") Object.assign(material, { depthFunc: GREATER, depthWrite: false });
     else if (!material.transparent)
       Object.assign(material, { transparent: true, depthTest: part === "fill", needsUpdate: true });
@@ -321,17 +321,20 @@ pgraph.stage = (() => {
   // -- values at the heads of arrows: the largest first, none over another ----------------------------
   const APART = [52, 20]; // [px]
   const pills = make("div", { className: "pgraph pgraph-pills" });
+  const pill = () => {
+    const button = make("button", { className: "pgraph-pill" });
+    button.onclick = () => pgraph.send("OpenPart", button.pgraphPart);
+    return button;
+  };
   pgraph.on("forces", (values) => {
-    pills.replaceChildren(
-      ...values.map(([, , , text, part, name]) =>
-        make("button", {
-          className: "pgraph-pill",
-          textContent: text,
-          title: `${name}: open it`,
-          onclick: () => pgraph.send("OpenPart", { part, name }),
-        }),
-      ),
-    );
+    while (pills.children.length > values.length) pills.lastChild.remove();
+    while (pills.children.length < values.length) pills.append(pill());
+    values.forEach(([, , , text, part, name], i) => {
+      const button = pills.children[i]; // one that is pressed while values move stays
+      if (button.textContent !== text) button.textContent = text;
+      button.title = `${name}: open it`;
+      button.pgraphPart = { part, name };
+    });
     put();
   });
   function put() {

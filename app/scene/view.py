@@ -286,14 +286,14 @@ class GhostView:
 
 
 class ForceView:
-    """Force values at the arrow heads, shown while the scene is at rest."""
+    """Force values at the arrow heads."""
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
         self._sent: dict[int, list[Any]] = {}
 
     def render(self, old: State, new: State) -> None:
-        shown = "forces" in new.shown and not new.playback.moves
+        shown = "forces" in new.shown
         positions, wxyz = poses(new)
         found = marks.pushes(new, positions, shapes.to_matrix(wxyz)) if shown else []
         for client, page in new.clients.items():

@@ -52,7 +52,7 @@ def overview(page: Page) -> None:
 
 def steps(page: Page) -> None:
     """Halfway through the seven steps."""
-    page.get_by_role("button", name="Steps", exact=True).click()
+    page.get_by_role("button", name="How it is built", exact=True).click()
     for _ in range(9):
         page.locator("button.next").first.click()
 

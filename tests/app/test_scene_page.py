@@ -106,7 +106,7 @@ def test_the_drawn_tree_has_whole_names_and_stays_within_its_place(page, served)
 
 @pytest.mark.nightly
 def test_the_seven_steps_and_a_frame_update_are_stepped_through(page, served):
-    page.get_by_role("button", name="Steps", exact=True).click()
+    page.get_by_role("button", name="How it is built", exact=True).click()
     page.wait_for_selector(".steps .said strong")
     pending = "document.querySelectorAll('.vectors .pending').length"
     assert page.evaluate(pending) == len(served.store.state.derived.pgraph)
@@ -215,21 +215,25 @@ def test_marks_gizmo_and_solids_are_drawn_and_cleared(page, served):
     page.wait_for_function(turned, arg=["/bodies/4", float(np.cos(0.6))])
 
 
-OWN = """() => { const own = [];
+FILL = """() => { const found = [];
   window.__viserMutable.nodeRefFromName["/selected/0/fill"]?.traverse(({ material }) => {
-    if (material?.userData.own) own.push(material.userData.own.getHexString()); });
-  return own.join() || null; }"""
+    if (material?.color) found.push(material.color.toArray()); });
+  return found.length ? found[0] : null; }"""
 
 
-def test_a_selected_body_has_its_own_colour(page):
-    """It kept the colour of the first one that had been selected."""
-    known = {}
+def test_a_selected_body_has_the_accent_whichever_was_selected_before(page):
+    """It had a paler colour of its own, the palest one in the scene."""
     for name in ("thigh", "arm", "thigh"):
         page.evaluate("(body) => pgraph.send('Select', { body })", name)
-        others = {colour for other, colour in known.items() if other != name}
-        until(lambda: page.evaluate(OWN) not in {None, *others}, name)  # noqa: B023
-        known.setdefault(name, page.evaluate(OWN))
-        until(lambda: page.evaluate(OWN) == known[name], f"{name} as before")  # noqa: B023
+        accent = page.evaluate("pgraph.stage.tone('--accent')")
+        red, green, blue = (int(accent[k : k + 2], 16) for k in (1, 3, 5))
+        assert blue > green > red
+
+        def tinted() -> bool:
+            found = page.evaluate(FILL)
+            return found is not None and found[2] > 2 * found[1] > 2 * found[0]
+
+        until(tinted, name)
 
 
 EMISSIVE = """(name) => { let found = null;
