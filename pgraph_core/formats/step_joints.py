@@ -442,7 +442,7 @@ def _reduced(
     fits = [x for x in evidence if x.kind != "planar"]
     planes = [x for x in evidence if x.kind == "planar"]
     held = [x for x in planes if _is_held(x, fits, planes)]
-    size = max(float(np.linalg.norm(np.ptp([x.points[0] for x in evidence], axis=0))), tolerance)
+    size = min(float(np.ptp(part.box, axis=0).max()) for part in (first, second))
     worst = max(x.gap for x in evidence)
     slack = max(TOUCHING, worst / size)
     chosen = [*fits, *held]
