@@ -12,7 +12,7 @@ from ..errors import InputError, PgraphError, Problem, choices, explained, neare
 from ..fields import GROUND
 from ..model import Body, Constraint, Model
 from ..rotation import normals_of, quaternion_of, rodrigues
-from ..tolerances import NOTABLE, ROUNDING
+from ..tolerances import NOTABLE, ROUNDING, TOUCHING
 from .conversion import Report, reach_of, suspect_units
 from .step_joints import KINDS, Array, Proposal
 from .step_parts import Part, Parts, carried
@@ -188,7 +188,9 @@ class _Builder:
             loose = next((group for group in pending if group.name not in self.moves), None)
             if loose is None:
                 break
-            self._body(loose, Move(np.eye(3), np.zeros(3)), loose.com, {"joint": "free"})
+            near = np.linalg.norm(loose.com) < TOUCHING * self.reach(loose)
+            origin = np.zeros(3) if near else loose.com
+            self._body(loose, Move(np.eye(3), np.zeros(3)), origin, {"joint": "free"})
         for joint in left:
             self._loop(joint)
 
@@ -272,7 +274,7 @@ class _Builder:
         }  # fmt: skip
         title = f"{joint.kind} {first.name} {second.name}"
         if joint.kind == "planar":
-            steps = (np.zeros(3), *(self._reach(second) * x for x in normals_of(along)))
+            steps = (np.zeros(3), *(self.reach(second) * x for x in normals_of(along)))
             own = there - self.origins[second.name]
             many = [given | {"kind": "plane", "other_axis": tuple(axis), "point": tuple(own + step)}
                     for step in steps]  # fmt: skip
@@ -288,7 +290,8 @@ class _Builder:
             names.add(name)
             self.loops.append(Constraint(name=name, **one))
 
-    def _reach(self, group: _Group) -> float:
+    def reach(self, group: _Group) -> float:
+        """Return the largest extent of the parts of a body [m]."""
         return float(max(np.ptp(part.box, axis=0).max() for part in group.parts))
 
 

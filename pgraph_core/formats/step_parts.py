@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,13 +20,13 @@ from ..errors import FileError, Problem, needed
 from ..markup import content_of, reason_of
 from ..mesh_files import UNITS
 from ..model.files import kept_mesh
-from ..tolerances import COINCIDENT, NOTABLE, TOUCHING
+from ..tolerances import COINCIDENT, NOTABLE, SOLVED, TOUCHING
 from .conversion import DENSEST, Kind
 from .step_joints import Array, Face
 
 MILLIMETRE = UNITS["mm"]
 EXTRA = "cad"
-PRECISION = NOTABLE**2  # relative, of the integrals over each face
+PRECISION = SOLVED  # relative, of the integrals over each face
 UNITS_OF_STEP = {  # names of units [m]
     "millimetre": 0.001, "centimetre": 0.01, "metre": 1.0, "inch": 0.0254, "foot": 0.3048,
 }  # fmt: skip
@@ -192,14 +193,12 @@ class _Solids:
 
 def _face(shape: Any, points: Array, rows: Array, chord: float) -> Face | None:
     """Return a plane, cylinder, cone, sphere or torus, or None for other surfaces."""
-    from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.BRepTools import BRepTools
 
-    surface = BRepAdaptor_Surface(shape, True)
-    kind = str(surface.GetType()).rpartition("_")[2].lower()
-    if kind not in ("plane", "cylinder", "cone", "sphere", "torus"):
+    known = _elementary(shape, chord * NOTABLE / CHORD / MILLIMETRE)
+    if known is None:
         return None
-    solid = getattr(surface, kind.capitalize())()
+    kind, solid, exact = known
     frame = solid.Position()
     at = solid.Apex() if kind == "cone" else frame.Location()
     point, axis = np.array(at.Coord()) * MILLIMETRE, np.array(frame.Direction().Coord())
@@ -213,7 +212,7 @@ def _face(shape: Any, points: Array, rows: Array, chord: float) -> Face | None:
         return Face("plane", axis=way * axis, **given, **more)
     turn, along = BRepTools.UVBounds_s(shape), (points - point) @ axis
     given |= {"low": float(along.min()), "high": float(along.max())}
-    share = abs(turn[1] - turn[0]) / (2 * math.pi)
+    share = abs(turn[1] - turn[0]) / (2 * math.pi) if exact else 1.0
     out = triangles.mean(axis=1) - point
     if kind != "sphere":
         out -= (out @ axis)[:, None] * axis
@@ -224,7 +223,9 @@ def _face(shape: Any, points: Array, rows: Array, chord: float) -> Face | None:
     side = 1 if float(np.sum(out * normals)) > 0 else -1
     match kind:
         case "cylinder":
-            given["radius"] = solid.Radius() * MILLIMETRE
+            given["radius"] = radius = solid.Radius() * MILLIMETRE
+            if not exact and (length := given["high"] - given["low"]):
+                share = float(areas.sum()) / (4 * math.pi * radius * length)
         case "sphere":
             given["radius"] = radius = solid.Radius() * MILLIMETRE
             share = float(areas.sum()) / (8 * math.pi * radius**2)
@@ -239,6 +240,26 @@ def _face(shape: Any, points: Array, rows: Array, chord: float) -> Face | None:
                 "wide": solid.MajorRadius() * MILLIMETRE,
             }
     return Face(kind, axis=axis, side=side, share=share, **given)
+
+
+def _elementary(face: Any, tolerance: float) -> tuple[str, Any, bool] | None:
+    """Return (kind, solid, True), or False for a spline that is one within a tolerance [mm]."""
+    from OCP.BRepAdaptor import BRepAdaptor_Surface
+    from OCP.gp import gp_Cone, gp_Cylinder, gp_Pln, gp_Sphere
+    from OCP.ShapeAnalysis import ShapeAnalysis_CanonicalRecognition
+
+    surface = BRepAdaptor_Surface(face, True)
+    kind = str(surface.GetType()).rpartition("_")[2].lower()
+    if kind in ("plane", "cylinder", "cone", "sphere", "torus"):
+        return kind, getattr(surface, kind.capitalize())(), True
+    looked = ShapeAnalysis_CanonicalRecognition(face)
+    for kind, solid in (
+        ("Plane", gp_Pln()), ("Cylinder", gp_Cylinder()), ("Cone", gp_Cone()),
+        ("Sphere", gp_Sphere()),
+    ):  # fmt: skip
+        if getattr(looked, f"Is{kind}")(tolerance, solid):
+            return kind.lower(), solid, False
+    return None
 
 
 def _blur(face: Any, chord: float) -> float:
@@ -293,12 +314,19 @@ class _Assembly:
         if len(leaves) > MOST_PARTS:
             text = f"has {len(leaves)} parts; {MOST_PARTS} at most: export a part of the assembly"
             raise FileError(Problem(path.name, "", text))
-        named = self._parted(leaves)
-        counts = dict[str, int]()
-        for _, name, _, _, _ in named:
-            counts[name] = counts.get(name, 0) + 1
-        for shape, name, within, place, label in named:
+        solid = [leaf for leaf in self._parted(leaves) if self._is_solid(leaf)]
+        counts = Counter(name for _, name, _, _, _ in solid)
+        for shape, name, within, place, label in solid:
             self._add(shape, name, self._unused(name, counts), "/".join(within), place, label)
+
+    def _is_solid(self, leaf: Any) -> bool:
+        """Check whether a part has a solid, and note its name otherwise."""
+        shape, name = leaf[:2]
+        if next(_each(shape, "SOLID"), None) is not None:
+            return True
+        text = "has surfaces and no solid: it has no mass, and is no body"
+        self.notes.append(("left out", name, text))
+        return False
 
     def _tools(self, path: Path) -> None:
         """Read the document and the tools that its names, colours and materials are asked of."""
@@ -345,13 +373,12 @@ class _Assembly:
         """Yield (shape, name, names around it, place, labels) of the parts below a label."""
         from OCP.TDF import TDF_Label
 
-        name = _name(shown)
-        if shown != label and AUTOMATIC.match(name or "=>["):
-            name = _name(label)
+        given = (_name(shown), _name(label), *reversed(within), "part")
+        name = next(x for x in given if x and not AUTOMATIC.match(x))
         if not self.shapes.IsAssembly_s(label):
-            yield self.shapes.GetShape_s(label), name or "part", within, place, (shown, label)
+            yield self.shapes.GetShape_s(label), name, within, place, (shown, label)
             return
-        inside = (*within, name) if name else within
+        inside = (*within, name)
         for component in self._children(label):
             if not self.shapes.IsComponent_s(component):
                 continue
@@ -372,7 +399,7 @@ class _Assembly:
         self.notes.append(("converted", "", text))
         return [(solid, name, within, place, labels) for solid in solids]
 
-    def _unused(self, name: str, counts: dict[str, int]) -> str:
+    def _unused(self, name: str, counts: Mapping[str, int]) -> str:
         """Return a name with its number, if several parts have it."""
         name = " ".join("".join(x if x.isprintable() else " " for x in name).split()) or "part"
         if counts.get(name, 0) < 2 and name not in self._names and name not in ("ground", "*"):
@@ -391,10 +418,6 @@ class _Assembly:
         self, shape: Any, product: str, name: str, within: str, place: Any, labels: Any
     ) -> None:
         solids, turn, at = self._solids(shape, name, place)
-        if solids is None:
-            text = "has surfaces and no solid: it has no mass, and is no body"
-            self.notes.append(("left out", name, text))
-            return
         faces = tuple(_moved(face, turn, at) for face in solids.faces)
         self.parts.append(
             Part(
@@ -405,11 +428,9 @@ class _Assembly:
             )
         )  # fmt: skip
 
-    def _solids(self, shape: Any, name: str, place: Any) -> tuple[_Solids | None, Array, Array]:
-        """Return (geometry, rotation, translation [m]). One that mirrors or scales is in the first.
-
-        The geometry is None for a part without solids.
-        """
+    def _solids(self, shape: Any, name: str, place: Any) -> tuple[_Solids, Array, Array]:
+        """Return (geometry, rotation, translation [m]). One that mirrors or scales is in the
+        first."""
         from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
         from OCP.TopLoc import TopLoc_Location
 
@@ -423,8 +444,7 @@ class _Assembly:
             bare = BRepBuilderAPI_Transform(bare, transform, True).Shape()
             turn, at, key = np.eye(3), np.zeros(3), (*key, tuple(at))
         if key not in self._known:
-            any_solid = next(_each(bare, "SOLID"), None) is not None
-            self._known[key] = _Solids(bare, name) if any_solid else None
+            self._known[key] = _Solids(bare, name)
         return self._known[key], turn, at * MILLIMETRE
 
     def _colour(self, labels: Any, shape: Any) -> tuple[float, float, float] | None:
@@ -440,7 +460,7 @@ class _Assembly:
             for kind in ("XCAFDoc_ColorSurf", "XCAFDoc_ColorGen"):
                 if colour_of(one, getattr(XCAFDoc_ColorType, kind), found):
                     rgb = found.Values(Quantity_TypeOfColor.Quantity_TOC_sRGB)
-                    red, green, blue = (min(max(float(x), 0.0), 1.0) for x in rgb)
+                    red, green, blue = (round(min(max(x, 0.0), 1.0), 6) for x in rgb)
                     return red, green, blue
         return None
 
