@@ -48,7 +48,9 @@ class Topology(EqualByFields, Portable):
     @classmethod
     def of(cls, model: Model) -> Topology:
         """Build the topology of a valid model in O(n)."""
-        bodies, rows = model.bodies, model.row
+        bodies, rows = model.rows, model.row
+        if bodies is not model.bodies:
+            rows = {body.name: i for i, body in enumerate(bodies)}
         given = [0 if b.parent == GROUND else rows[b.parent] + 1 for b in bodies]
         order = canonical(given)
         number = [0] * (len(order) + 1)  # by row, from 1

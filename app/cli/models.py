@@ -78,7 +78,7 @@ def info(args: Namespace) -> Answer:
 def facts(model: pg.Model) -> dict[str, Any]:
     """Return the answer with the attribute names of `Mechanism` as keys, in number order."""
     topology = pg.Topology.of(model)
-    bodies = [model.bodies[row] for row in topology.row]
+    bodies = model.expanded.bodies
     return {
         "name": model.name,
         "nb": topology.nb,
@@ -88,19 +88,40 @@ def facts(model: pg.Model) -> dict[str, Any]:
         "jdof": topology.jdof,
         "names": topology.names,
         "parent": topology.parent,
-        "joint": [body.joint for body in bodies],
+        "joint": [model.rows[row].joint for row in topology.row],
         "dof": topology.dof,
         "tips": topology.tips,
         "separation_bodies": topology.separation_bodies,
         "mass": math.fsum(body.mass for body in bodies),
         "up": model.up,
         "gravity": model.gravity,
+        "beams": [_beam(model, beam) for beam in model.beams],
         "constraints": [constraint.name for constraint in model.constraints],
         "mobility": _mobility(model),
         "forces": [force.name for force in model.forces],
         "segments": _segments(model),
         "scenarios": [scenario.name for scenario in model.scenarios],
     }
+
+
+def _beam(model: pg.Model, beam: pg.Beam) -> dict[str, Any]:
+    """Return the segments of a beam, its stiffness [N m^2] and its lowest frequency [Hz]."""
+    stiff = beam.stiff
+    return {
+        "name": beam.name,
+        "nodes": sum(model.expanded.segments[beam.name]),
+        "length": beam.extent,
+        "EI": stiff.EI,
+        "GJ": stiff.GJ,
+        "frequency": beam.lowest_frequency / (2 * math.pi),
+    }
+
+
+def _told_of_beam(beam: dict[str, Any]) -> str:
+    numbers = [f"{beam['nodes']} segments, {beam['length']:.4g} m"]
+    numbers += [f"EI {', '.join(f'{x:.4g}' for x in beam['EI'])} N m²"] if beam["EI"] else []
+    numbers += [f"GJ {beam['GJ']:.4g} N m²"] if beam["GJ"] else []
+    return f"{beam['name']}: {', '.join(numbers)}, lowest {beam['frequency']:.4g} Hz"
 
 
 def _mobility(model: pg.Model) -> dict[str, Any] | None:
@@ -126,8 +147,9 @@ def _segments(model: pg.Model) -> list[str]:
 
 def _text(model: pg.Model, data: dict[str, Any]) -> str:
     names = ("ground", *data["names"])
+    known = {body.name: body for body in model.rows}
     rows = (
-        (i, name, names[parent], model.body(name).joint, int(dof), model.body(name).mass)
+        (i, name, names[parent], known[name].joint, int(dof), known[name].mass)
         for i, (name, parent, dof) in enumerate(zip(data["names"], data["parent"], data["dof"]), 1)
     )
     lines = (
@@ -137,6 +159,7 @@ def _text(model: pg.Model, data: dict[str, Any]) -> str:
         f"jdof               [{_listed(data['jdof'])}]",
         f"tips               {_listed(data['tips'])}",
         f"separation bodies  {_listed(data['separation_bodies']) or 'none'}",
+        *(f"beam               {_told_of_beam(beam)}" for beam in data["beams"]),
         f"constraints        {', '.join(data['constraints']) or 'none'}",
         *([f"segments           {', '.join(data['segments'])}"] if data["segments"] else []),
         f"scenarios          {', '.join(data['scenarios']) or 'none'}",

@@ -39,11 +39,27 @@ SHOWN = 12  # rows of a sweep's table that are printed
 # -- run -------------------------------------------------------------------------------------------
 
 
+def divided(text: str) -> tuple[str, int | str]:
+    """Return the beam and the number of its segments in 'BEAM=N'. Raises ArgumentTypeError."""
+    beam, mark, number = text.rpartition("=")
+    if not mark or not (number.isdecimal() or number == "auto"):
+        raise ArgumentTypeError(f"{text!r} must be BEAM=N or BEAM=auto, as in rod=40")
+    return beam, number if number == "auto" else int(number)
+
+
 @command(
     "run",
     "simulate; print status, error estimate, energy and cost",
     *MODEL,
     *RUN,
+    takes(
+        "--nodes",
+        type=divided,
+        action="append",
+        default=[],
+        metavar="BEAM=N",
+        help="segments of a beam, or BEAM=auto; repeatable",
+    ),
     takes(
         "-o",
         "--output",
@@ -54,6 +70,8 @@ SHOWN = 12  # rows of a sweep's table that are printed
 def run(args: Namespace) -> Answer:
     _writable(args.output)
     model = open_model(args, told=True)
+    for beam, number in args.nodes:
+        model = model.edit(model.part(beam, "beam").name, kind="beam", nodes=number)
     scenario = first_scenario(model, args.scenario)
     bar = progress_bar()
     bar("loading", 0.0)  # kernels: at a first start a second or two
@@ -96,6 +114,7 @@ def facts(result: pg.Result) -> dict[str, Any]:
         "frames": len(result.t),
         "error_estimate": result.error_estimate,
         "accuracy": result.accuracy,
+        **({"space_error": result.space_error} if result.model.beams else {}),
         "energy": [result.energy[0], result.energy[-1]],
         "energy_drift": result.energy_drift,
         "constraint_drift": result.constraint_drift.max(axis=0),
@@ -104,6 +123,10 @@ def facts(result: pg.Result) -> dict[str, Any]:
         "notices": result.notices,
         "header": result.header,
     }
+
+
+def _in_space(error: float) -> str:
+    return f"{error:.2g} m, of the segments of beams" if np.isfinite(error) else "not estimated"
 
 
 def _run_lines(data: dict[str, Any]) -> list[str]:
@@ -118,6 +141,11 @@ def _run_lines(data: dict[str, Any]) -> list[str]:
         f"{data['model']}{scenario}: {data['message']}",
         f"method             {data['method']}, {_steps(data)}, t = {data['t']:.6g} s",
         f"error estimate     {data['accuracy']}",
+        *(
+            [f"error in space     {_in_space(data['space_error'])}"]
+            if "space_error" in data
+            else []
+        ),
         f"energy             {first:.6g} J at the start, {last:.6g} J at the end",
         f"energy drift       {percent(data['energy_drift'])} of its range",
         f"constraint drift   {position:.3g} m, {velocity:.3g} m/s",

@@ -37,6 +37,13 @@ def named(path: str | Path, *suffixes: str) -> Path:
     return Path(path)
 
 
+def tell_beams(report: Report, model: Model) -> None:
+    """Report the beams of an expanded model, which a file has as bodies with springs."""
+    for name, counts in model.segments.items():
+        text = f"becomes its {sum(counts)} segments with springs, one body each"
+        report.add("converted", f"beam '{name}'", text, part=name)
+
+
 def unused(name: str, taken: Container[str]) -> str:
     """Return a name, with primes if others have it."""
     while name in taken:

@@ -27,7 +27,7 @@ from ..rotation import frame_of, matrix, quaternion_of, unit
 from ..shapes import kind_of
 from ..shapes.meshes import scales
 from ..tolerances import ROUNDING
-from .conversion import Report, named, nearest_inertia, why_unphysical
+from .conversion import Report, named, nearest_inertia, tell_beams, why_unphysical
 from .mjcf_compiled import GREY, MINVAL
 from .mjcf_contacts import FRICTIONLESS
 from .mjcf_contacts_out import WORLD, condim, geom_name
@@ -70,7 +70,7 @@ def write_mjcf(model: Model | Dynamics, path: str | Path) -> Report:
         If the model has a screw joint, or a free joint that is not at the root, which MJCF does not
         support. No file is written in this case.
     """
-    model = model_of("write_mjcf", model)
+    model = model_of("write_mjcf", model).expanded
     path = named(path, ".xml", ".mjcf")
     if not path.parent.is_dir():
         raise FileError(Problem(str(path), "", f"the folder {path.parent} does not exist"))
@@ -86,6 +86,7 @@ def write_mjcf(model: Model | Dynamics, path: str | Path) -> Report:
             [Problem(f"body '{b.name}'", "joint", x) for (b, _), x in zip(unknown, texts)]
         )
     writer = _Writer(model, path)
+    tell_beams(writer.report, model)
     bodies = gathered(model.bodies, path.parent)
     write_atomic(path, writer.text(bodies))
     return writer.report

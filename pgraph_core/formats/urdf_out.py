@@ -19,7 +19,7 @@ from ..model import Actuator, Body, Constraint, Gear, Model, Motor, Shape
 from ..model.files import gathered, write_atomic
 from ..rotation import frame_of, quaternion_of, rotate, unit, unit_vector
 from ..shapes import kind_of
-from .conversion import NO_LIMIT, Report, at_origin, named, names_beside, unused
+from .conversion import NO_LIMIT, Report, at_origin, named, names_beside, tell_beams, unused
 from .urdf import LOOPS, WORLD
 
 GREY = (0.5, 0.5, 0.5)  # colour of transparent shapes without a colour of their own
@@ -53,7 +53,7 @@ def write_urdf(model: Model | Dynamics, path: str | Path) -> Report:
     ModelError
         If the model has a ball joint, which URDF does not support. No file is written in this case.
     """
-    model = model_of("write_urdf", model)
+    model = model_of("write_urdf", model).expanded
     path = named(path, ".urdf")
     if not path.parent.is_dir():
         raise FileError(Problem(str(path), "", f"the folder {path.parent} does not exist"))
@@ -65,6 +65,7 @@ def write_urdf(model: Model | Dynamics, path: str | Path) -> Report:
     if found:
         raise ModelError(found)
     writer = _Writer(model, gathered(model.bodies, path.parent), path.name)
+    tell_beams(writer.report, model)
     write_atomic(path, writer.text())
     return writer.report
 

@@ -182,6 +182,7 @@ def simulate(
     """
     (began, _), loaded = clocks(), LOADING.seconds
     mech = mechanism_of(mechanism, "simulate")
+    asked = {"tau": tau, "forces": forces}
     if tau is not None:
         mech, forces, tau = torques_or_drives(mech, forces, tau)
     if sample is not None:
@@ -192,8 +193,8 @@ def simulate(
         q, v, states, t_start, memory = state_of(mech, start, "simulate", given)
     call = {
         "t_start": t_start, "t_end": t_end, "method": method, "step": step, "rtol": rtol,
-        "atol": atol, "max_steps": max_steps, "tau": tau, "frames": frames, "t_eval": t_eval,
-        "scenario": scenario, "forces": forces, "inputs": inputs, "stabilise": stabilise,
+        "atol": atol, "max_steps": max_steps, **asked, "frames": frames, "t_eval": t_eval,
+        "scenario": scenario, "inputs": inputs, "stabilise": stabilise,
         "switches": switches, "states": states,
     }  # fmt: skip
     told: tuple[str, ...] = ()
