@@ -450,3 +450,17 @@ def test_arms_are_minus_the_slopes_of_the_lengths_in_their_table(capsys, tmp_pat
     answered(capsys, *given, "--range=0,0.5", "--points", "3", "-o", str(table))
     rows = np.loadtxt(table, delimiter=",", skiprows=1)
     np.testing.assert_allclose(rows[:, 0], (0.0, 0.25, 0.5))
+
+
+def test_beams_are_listed_and_divided_on_the_command_line(tmp_path, capsys):
+    rod = pg.Beam(name="rod", length=1.0, EI=2.0, rho_a=0.5, strains=["bend_y"], damping_ratio=0.1)
+    file = tmp_path / "rod.json"
+    pg.Model(beams=[rod]).save(file)
+    assert main(["info", str(file)]) == 0
+    assert "rod: 20 segments, 1 m, EI 2, 2 N m², lowest 1.119 Hz" in capsys.readouterr().out
+    assert main(["run", str(file), "--nodes", "rod=4", "--t-end", "0.1", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert 0 < data["space_error"] < 0.01
+    with pytest.raises(SystemExit):
+        main(["run", str(file), "--nodes", "rod"])
+    assert "BEAM=N" in capsys.readouterr().err

@@ -91,8 +91,10 @@ def with_model(state: S, model: pg.Model, label: str) -> S:
 def replaced(state: S, model: pg.Model, label: str) -> S:
     """Open a different model as one undo step, with its own run settings and camera view.
 
-    The selection, drawings, plots and measurements of the previous model are discarded.
+    The selection, drawings, plots and measurements of the previous model are discarded. Beams are
+    shown as their segments.
     """
+    model = model.of_bodies
     after = with_model(state, model, label).opened(state)
     return replace(after, framed=state.framed + 1, document=state.framed + 1)
 

@@ -38,7 +38,9 @@ Part = Body | Beam | Constraint | Contact | Force | Scenario | Site | Output | C
 TOLD = "edits told"  # among the attributes of a model
 LOST = "lost in reading"  # likewise
 SEGMENTS = "segments of beams"  # likewise
-DESCRIBED = "described"  # likewise: the model with beams of which this one has the segments
+DESCRIBED = (
+    "described with beams"  # likewise: the model with beams of which this one has the segments
+)
 PARTS_OF = {"body": "bodies", **{kind.word(): key for key, kind in PARTS.items() if kind != Body}}
 
 
@@ -150,6 +152,16 @@ class Description(World):
     def expanded(self) -> Self:
         """The model in which the segments of beams, and the places on them, are bodies."""
         return self.with_segments(counts_of(self._parts())) if self.beams else self
+
+    @property
+    def of_bodies(self) -> Self:
+        """The model with the segments of its beams as common bodies, which its notices tell."""
+        if not self.beams:
+            return self
+        return self.expanded._made(
+            f"beam '{name}' became its {sum(counts)} segments, {name}[0] to {name}[{sum(counts)}]"
+            for name, counts in self.expanded.segments.items()
+        )
 
     def with_segments(self, counts: Counts) -> Self:
         """Return the expanded model with these numbers of segments between places, by beam."""

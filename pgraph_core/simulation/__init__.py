@@ -195,11 +195,12 @@ def simulate(
         "t_start": t_start, "t_end": t_end, "method": method, "step": step, "rtol": rtol,
         "atol": atol, "max_steps": max_steps, **asked, "frames": frames, "t_eval": t_eval,
         "scenario": scenario, "inputs": inputs, "stabilise": stabilise,
-        "switches": switches, "states": states,
+        "switches": switches, "states": states, "q": q, "v": v,
     }  # fmt: skip
     told: tuple[str, ...] = ()
     if estimate is not False and refines(mech):
-        mech, q, v, told = fine_enough(mech, q, v, simulate, call)
+        mech, told = fine_enough(mech, simulate, call)
+        q, v = call["q"], call["v"]
     options = Options.unchecked(
         scenario=scenario, t_start=t_start, t_end=t_end, method=method, step=step, rtol=rtol,
         atol=atol, max_steps=max_steps, frames=frames, t_eval=t_eval, stabilise=stabilise,

@@ -12,12 +12,15 @@ from typing import Any
 
 import numpy as np
 
+from ..dynamics.arguments import names_in
+from ..errors import PgraphError, percent
 from ..mechanism import Mechanism
 from ..model import Model
 from ..model.beam import AUTO, MOST_SEGMENTS
 from ..model.segments import Counts, refined, segment
 from ..packing import Array
 from ..result import Result
+from ..tolerances import VISIBLE
 
 Run = Callable[..., Result]
 
@@ -32,18 +35,29 @@ def with_space_error(
 ) -> Result:
     """Give a run the error of its segments, if a second run comes as far.
 
-    `call` has the arguments of `simulate` but for the mechanism and its state, and `said` are
-    further notices.
+    `call` has the arguments of `simulate` but for the mechanism, and `said` are further notices.
     """
     mech = run.mechanism
     counts, factor = refined(mech.model.segments)
     other = divided(mech.model.described, counts)
-    beside = _repeated(run, other, simulate, call)
+    beside = repeated(mech, other, simulate, call)
     if isinstance(beside, str):
         return run.with_space_error(None, (*said, f"the error in space is not known: {beside}"))
     error = factor * apart(run, beside)
     told = () if beside.status.ok or not run.status.ok else (_ended(beside),)
-    return run.with_space_error(error, (*said, *told))
+    return run.with_space_error(error, (*said, *told, *_rough(error, mech)))
+
+
+def _rough(error: Array, mech: Mechanism) -> tuple[str, ...]:
+    """Return a notice if an error is so large that Richardson's rule may not hold."""
+    length = max(beam.extent for beam in mech.model.described.beams)
+    most = float(np.nanmax(error, initial=0.0))
+    if most < VISIBLE * length:
+        return ()
+    counts = {name: 2 * sum(some) for name, some in mech.model.segments.items()}
+    do = " and ".join(f"nodes={n} for '{name}'" for name, n in counts.items())
+    text = f"the error in space of about {most:.2g} m is {percent(most / length)} of the length of "
+    return (f"{text}the beam, and such an estimate is rough; give {do}",)
 
 
 def _ended(beside: Result) -> str:
@@ -53,24 +67,28 @@ def _ended(beside: Result) -> str:
     )
 
 
-def _repeated(
-    run: Result, other: Mechanism, simulate: Run, call: Mapping[str, Any]
+def repeated(
+    mech: Mechanism, other: Mechanism, simulate: Run, call: Mapping[str, Any]
 ) -> Result | str:
-    """Return the same run of a mechanism with other segments, or why there is none."""
-    tau = call["tau"]
-    if callable(tau) or (tau is not None and np.size(tau) == run.mechanism.nv != other.nv):
-        return (
-            "torques of a function or an array fit one number of segments; use forces of the model"
-        )
-    q, v = (carried(run.mechanism, other, kind, getattr(run, kind)[0]) for kind in ("q", "v"))
-    return simulate(other, q, v, **call, estimate=False)
+    """Return the run of a call for a mechanism with other segments, or why there is none."""
+    if call["tau"] is not None and names_in(call["tau"]) is None:
+        return "torques that are no dictionary fit one number of segments; use forces of the model"
+    start = {kind: carried(mech, other, kind, call[kind]) for kind in ("q", "v")}
+    try:
+        return simulate(other, **{**call, **start}, estimate=False)
+    except PgraphError as error:
+        return f"the run with other segments is refused: {error}"
 
 
-def carried(mech: Mechanism, other: Mechanism, kind: str, x: Array) -> Array:
-    """Return coordinates or velocities for a mechanism whose beams have other segments.
+def carried(mech: Mechanism, other: Mechanism, kind: str, given: Any) -> Any:
+    """Return given coordinates or velocities for a mechanism whose beams have other segments.
 
-    Joints of twice or half the cell take the sum or the half of what they replace.
+    Joints of twice or half the cell take the sum or the half of what they replace. Values by name
+    of body serve for both.
     """
+    if given is None or names_in(given) is not None:
+        return given
+    x = np.asarray(given, float)
     found = other.home()[kind == "v"].copy()
     counts, own = mech.model.segments, other.model.segments
     for name, joint in other.joints.items():
@@ -131,26 +149,30 @@ def refines(mech: Mechanism) -> bool:
 
 
 def fine_enough(
-    mech: Mechanism, q: Any, v: Any, simulate: Run, call: Mapping[str, Any]
-) -> tuple[Mechanism, Array, Array, tuple[str, ...]]:
-    """Return a mechanism with segments that meet the tolerance of its beams, its start, and what to
-    say about it.
+    mech: Mechanism, simulate: Run, call: dict[str, Any]
+) -> tuple[Mechanism, tuple[str, ...]]:
+    """Return a mechanism with segments that meet the tolerance of its beams, and a notice about it.
+
+    The state in `call` becomes that of this mechanism.
 
     The segments of beams with "auto" are doubled until Richardson's estimate is small enough.
     """
     described = mech.model.described
     autos = {beam.name: beam for beam in described.beams if beam.nodes == AUTO}
     most = min(beam.tolerance * beam.extent for beam in autos.values())
-    coarse = simulate(mech, q, v, **call, estimate=False)
+    coarse = repeated(mech, mech, simulate, call)
+    if isinstance(coarse, str):
+        return mech, (f"nodes='auto' of beams has no effect: {coarse}",)
     while True:
         counts = mech.model.segments
         finer = {x: [2 * n for n in some] if x in autos else some for x, some in counts.items()}
         other = divided(described, finer)
-        run = _repeated(coarse, other, simulate, call)
+        run = repeated(mech, other, simulate, call)
         number = max(sum(finer[name]) for name in autos)
         said = ", ".join(f"'{name}' has {sum(finer[name])} segments" for name in autos)
         if isinstance(run, str):
-            return mech, coarse.q[0], coarse.v[0], (f"nodes='auto' of beams: {run}",)
+            return mech, (f"beams: nodes='auto' ends: {run}",)
+        call |= {kind: carried(mech, other, kind, call[kind]) for kind in ("q", "v")}
         error = apart(run, coarse)
         worst = float(np.nanmax(error, initial=0.0)) / 3
         ended = "" if run.status.ok and coarse.status.ok else run.message
@@ -163,5 +185,5 @@ def fine_enough(
                     f"{most:.2g} m, for which {MOST_SEGMENTS} are too few; give a larger tolerance"
                 )
                 text += ", a shorter run or more damping"
-            return other, run.q[0], run.v[0], (text,)
+            return other, (text,)
         mech, coarse = other, run

@@ -264,3 +264,44 @@ def test_runs_have_the_model_with_beams(carrying, tmp_path):
     again = pg.Result.load(tmp_path / "run.npz")
     assert again.model == carrying
     assert again == run
+
+
+def test_other_formats_receive_the_segments(carrying, tmp_path):
+    report = pg.write_mjcf(carrying, tmp_path / "rod.xml")
+    assert any("20 segments" in str(entry) for entry in report.of("converted"))
+    read = pg.load(tmp_path / "rod.xml")
+    assert pg.Mechanism(read).nv == pg.Mechanism(carrying).nv
+
+
+def test_a_given_start_serves_for_other_segments():
+    """Joints of half the cell take half of the angle, so that both runs begin with one shape."""
+    model = held(planar(8, damping_ratio=0.05))
+    bent = np.full(8, 0.1)
+    run = pg.simulate(model, q=bent, t_end=0.2, rtol=1e-6, frames=11)
+    assert 0 < run.space_error < 0.02
+    assert run.space_error_at[0] < 1e-3
+
+
+def test_a_large_error_in_space_is_told():
+    force = pg.Wrench(name="P", body="rod", force=(0, 0, -5))
+    run = pg.simulate(held(planar(2, damping_ratio=0.05), force), t_end=1.0, rtol=1e-6, frames=51)
+    assert run.space_error > 0.01
+    assert any("rough" in text and "nodes=4" in text for text in run.notices)
+
+
+def test_an_optimal_stiffness_is_found_from_a_noisy_tip():
+    rod = planar(4, EI=2.0, rho_a=0.1, damping_ratio=0.05)
+    model = pg.Model(beams=[rod], outputs=[pg.Output(name="tip", kind="position", at="rod")])
+    truth = pg.simulate(model, t_end=1.0, frames=51, rtol=1e-8, estimate=False)
+    noise = np.random.default_rng(0).normal(size=51)
+    data = {"t": truth.t, "tip.z": truth.columns()["tip.z"] + 1e-4 * noise}
+    found = pg.fit(model.edit("rod", EI=1.5), data, {"beams.rod.EI": (0.5, 5.0)})
+    assert found.values["beams.rod.EI"] == pytest.approx(2.0, abs=2e-3)
+
+
+def test_an_edit_of_the_segments_leaves_the_beam():
+    segments = pg.Mechanism(held(planar(4))).model
+    assert segments.described.beams
+    lighter = segments.edit("rod[2]", mass=0.1)
+    assert lighter.described is lighter
+    assert pg.Mechanism(lighter).nv == 4
