@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field
 
 import pgraph_core as pg
@@ -19,7 +20,7 @@ from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import edited
 from ..core.events import Chosen, Entries, ModelEdit, OfBodies, Text
-from ..core.state import display_of, replied
+from ..core.state import Notice, display_of, replied, told
 from ..model import Found, sent, sent_file
 from ..model.archive import mesh_folder
 from . import State
@@ -64,6 +65,26 @@ class EditBodies(Typed, ModelEdit):
 
     def edit(self, state: State) -> tuple[pg.Model, str]:
         return _edited(state, self), _label(self)
+
+    def then(self, before: State, after: State) -> State:
+        """Tell that a typed mass leaves an inertia that was given, not derived."""
+        if self.field != "mass":
+            return after
+        kept = [
+            body.name
+            for body in map(after.model.body, self.bodies)
+            if "inertia" not in body.derived
+            and np.any(body.inertia)
+            and body.mass != before.model.body(body.name).mass
+        ]
+        if not kept:
+            return after
+        one = f"'{kept[0]}'" if len(kept) == 1 else f"{len(kept)} bodies"
+        text = (
+            f"The inertia of {one} stays as it was given: type it, or let it follow from the mass "
+            "and the shape by From shape."
+        )
+        return told(after, self.client, Notice("Inertia not changed", text))
 
     def offer(self, state: State) -> str:
         return _offer(state, self)

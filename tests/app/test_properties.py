@@ -502,3 +502,15 @@ def test_a_coordinate_is_called_by_its_axis(axes, labels):
     joint = "revolute" if len(axes) == 1 else "universal"
     body = pg.Body(name="a", joint=joint, axes=axes, mass=1.0, inertia=(1, 1, 1))
     assert [label for label, _ in degrees(body)] == labels
+
+
+def test_a_mass_that_leaves_a_given_inertia_says_so():
+    """A mass of 500 kg kept the inertia of 1 kg, folded away and silent."""
+    state = begun(pg.Model.serial(2))
+    typed = after(state, do.EditBodies(ME, 1, ("2",), "mass", (((), "500"),)))
+    assert typed.model.body("2").inertia == state.model.body("2").inertia
+    assert all(word in notice(typed) for word in ("'2'", "inertia", "From shape"))
+    filled = after(state, do.FillFromShape(ME, 1, ("2",), "1000"))
+    heavier = after(filled, do.EditBodies(ME, 2, ("2",), "mass", (((), "500"),)))
+    assert notice(heavier) == ""
+    assert heavier.model.body("2").inertia != filled.model.body("2").inertia
