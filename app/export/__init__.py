@@ -9,6 +9,7 @@ from .. import gait
 from ..core.events import FromPage
 from ..gait import Client as Client
 from ..run import Run
+from ..scene import SHOWN_AT_FIRST
 
 
 @dataclass(frozen=True)
@@ -19,6 +20,7 @@ class Exporting:
     what: str
     run: Run
     time: float = 0.0  # time that the page shows [s]
+    shown: frozenset[str] = SHOWN_AT_FIRST  # what the page draws
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,8 @@ class Export(FromPage):
     def applied(self, state: State) -> State:
         if state.plotted is None or state.live is not None:
             return state
-        asked = Exporting(self.client, self.what, state.plotted, state.playback.time)
+        run, time = state.plotted, state.playback.time
+        asked = Exporting(self.client, self.what, run, time, state.shown)
         return replace(state, exporting=asked)
 
 

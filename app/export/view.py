@@ -17,6 +17,7 @@ from ..core.bridge import Bridge
 from ..core.views import Host, Place
 from ..model.archive import zipped
 from ..run import Run
+from ..scene.solids import drawn_beside
 from . import Exporting, State
 
 OFTEN = 0.2  # [s] between reports of how far a film is
@@ -135,15 +136,18 @@ def recorded_only(run: Run) -> str:
 
 
 def drawn(asked: Exporting, progress: Callable[[float], bool]) -> bytes:
-    """Render a picture of the current view, or a film of the run, without a page."""
-    run = asked.run.result
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, f"run.{asked.what}")
-        if asked.what in ("mp4", "gif"):
-            run.to_film(path, progress=progress)
-        else:
-            run.to_image(path, t=float(np.clip(asked.time, run.t[0], run.t[-1])))
-        return path.read_bytes() if path.exists() else b""
+    """Render a picture of the run at the time shown, or a film of it, without a page.
+
+    Springs, rods, loads and forces are drawn as far as the page shows them.
+    """
+    from pgraph_core.show import pictures  # compiles kernels of its own
+
+    run, extra = asked.run.result, drawn_beside(asked.run, asked.shown)
+    path = f"run.{asked.what}"
+    if asked.what in ("mp4", "gif"):
+        return pictures.film(run, path, progress=progress, extra=extra) or b""
+    t = float(np.clip(asked.time, run.t[0], run.t[-1]))
+    return pictures.moment(run, path, t, extra=extra)
 
 
 VIEWS = (Place(lambda desk: ExportView(desk.bridge), 74, Host("export", "top", order=55)),)

@@ -19,6 +19,7 @@ AXIS, LINK, COM, FORCE = (224, 120, 20), (96, 106, 120), (200, 40, 150), (30, 16
 INERTIA, POINT, CONE, PULL = (110, 80, 200), (220, 50, 40), (30, 160, 90), (230, 90, 20)
 TRACK = (92, 100, 110)
 METAL, LOAD, STEEL = (150, 158, 168), (214, 92, 40), (92, 100, 110)
+SHAFT, HEAD = 0.01, (0.026, 0.05)  # radii of arrows and length of heads, of the model's size
 NOWHERE = np.zeros(3)
 NOTHING = ties.Joining(np.zeros((0, 2, 3)), np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3)))
 WIDER = 1.15  # width of the opened part over that of the others
@@ -291,8 +292,8 @@ def _arrows(
     if len(points) == 0:
         return []
     node = scene.add_arrows(
-        name, points, colors=color, shaft_radius=0.01 * size, head_radius=0.026 * size,
-        head_length=0.05 * size,
+        name, points, colors=color, shaft_radius=SHAFT * size, head_radius=HEAD[0] * size,
+        head_length=HEAD[1] * size,
     )  # fmt: skip
     return [node]
 

@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,19 +31,45 @@ QUALITY = "20"  # constant rate factor of x264: 18 looks like the original, 28 i
 Progress = Callable[[float], Any] | None
 
 
+class Beside(NamedTuple):
+    """Faces that are drawn beside the bodies, in world axes."""
+
+    places: np.ndarray  # (3 m, 3) corners [m]
+    normals: np.ndarray  # (3 m, 3)
+    colors: np.ndarray  # (m, 3) linear light
+    opacity: np.ndarray  # (m,)
+
+    @classmethod
+    def of(cls, solids: Sequence[tuple[Any, Any, Sequence[int], float]] = ()) -> Beside:
+        """Return solids as faces: each has corners and normals (m, 3, 3), sRGB and opacity."""
+        three, one = np.zeros((0, 3)), np.zeros(0)
+        return cls(
+            np.concatenate([three, *(corners.reshape(-1, 3) for corners, *_ in solids)]),
+            np.concatenate([three, *(normals.reshape(-1, 3) for _, normals, *_ in solids)]),
+            np.concatenate(
+                [three, *(np.tile(linear(color), (len(x), 1)) for x, _, color, _ in solids)]
+            ),
+            np.concatenate([one, *(np.full(len(x), opacity) for x, _, _, opacity in solids)]),
+        )
+
+
+Extra = Callable[[float, np.ndarray], Beside] | None  # of a time [s] and the poses (nb, 7)
+
+
 # -- pictures --------------------------------------------------------------------------------------
 
 
 def view(
     model: Any, pose: np.ndarray, path: str | Path, *,
     size: tuple[int, int] = (1280, 720), view: Any = "start", dark: bool = False,
+    beside: Beside | None = None,
 ) -> bytes:  # fmt: skip
     """Return a picture of a model with bodies at `pose` (nb, 7), ordered by number.
 
     Raises InputError, FileError.
     """
     _suffix(path, (".png",), "picture")
-    return png(Drawing(model, pose[None], size, view=view, dark=dark).draw(pose))
+    return png(Drawing(model, pose[None], size, view=view, dark=dark).draw(pose, beside))
 
 
 def digraph(model: Any, path: str | Path, *, size: tuple[int, int] | None = None) -> str:
@@ -68,14 +94,18 @@ def plot(
     return content.getvalue()
 
 
-def moment(run: Any, path: str | Path, t: float | None = None, **look: Any) -> bytes:
+def moment(
+    run: Any, path: str | Path, t: float | None = None, extra: Extra = None, **look: Any
+) -> bytes:
     """Return a picture of a run at time t [s], by default at its start. Raises InputError."""
     times, poses = np.asarray(run.t), np.asarray(run.body_pose)
     t = float(times[0]) if t is None else t
     if not (isinstance(t, (int, float, np.integer, np.floating)) and times[0] <= t <= times[-1]):
         text = f"must be a time of the run, {times[0]:g} to {times[-1]:g} s, got {t!r}"
         raise InputError(Problem("to_image", "t", text))
-    return view(run.mechanism.model, np.column_stack(between(times, poses, t)), path, **look)
+    pose = np.column_stack(between(times, poses, t))
+    beside = None if extra is None else extra(t, pose)
+    return view(run.mechanism.model, pose, path, beside=beside, **look)
 
 
 def png(pixels: np.ndarray) -> bytes:
@@ -99,6 +129,7 @@ def png(pixels: np.ndarray) -> bytes:
 def film(
     run: Any, path: str | Path, *, size: tuple[int, int] = (960, 540), fps: float = 30,
     speed: float = 1.0, view: Any = "start", dark: bool = False, progress: Progress = None,
+    extra: Extra = None,
 ) -> bytes | None:  # fmt: skip
     """Return a video of a run, or None if `progress(fraction)` returns False after a frame.
 
@@ -124,7 +155,8 @@ def film(
     drawing = Drawing(run.mechanism.model, poses, size, view=view, dark=dark)
     for k in range(count):
         time = min(times[0] + k / fps * speed, times[-1])
-        made.add(drawing.draw(np.column_stack(between(times, poses, float(time)))))
+        pose = np.column_stack(between(times, poses, float(time)))
+        made.add(drawing.draw(pose, None if extra is None else extra(float(time), pose)))
         if progress is not None and progress((k + 1) / count) is False:
             return None
     return made.end()
@@ -243,22 +275,28 @@ class Drawing:
         self._depth, self._seen = np.empty((height, width)), np.empty((height, width), np.int32)
         self._shade = np.empty((SHADOWS, SHADOWS)), np.empty((SHADOWS, SHADOWS), np.int32)
 
-    def draw(self, pose: np.ndarray) -> np.ndarray:
+    def draw(self, pose: np.ndarray, beside: Beside | None = None) -> np.ndarray:
         """Render bodies at `pose` (nb, 7) as (height, width, 3) bytes of red, green and blue."""
-        places, normals = self._placed(pose)
+        beside = Beside.of() if beside is None else beside
+        places, normals = (
+            np.concatenate(pair)
+            for pair in zip(self._placed(pose), (beside.places, beside.normals))
+        )
+        colors = np.concatenate((self._colors, beside.colors))
+        opacity = np.concatenate((self._opacity, beside.opacity))
         faces = np.arange(len(places), dtype=np.int32).reshape(-1, 3)
         camera = self.camera(pose)
         points = self._projected(places, camera)
         self._depth.fill(0.0)
         self._seen.fill(NO_FACE)
-        cover(points, faces, self._opacity, self._depth, self._seen)
+        cover(points, faces, opacity, self._depth, self._seen)
         sun = self._sun(places)
         shadows, unused = self._shade
         shadows.fill(-np.inf)
         off = places - np.array(sun.origin)
-        cover(off @ np.array((sun.x, sun.y, sun.w)).T, faces, self._opacity, shadows, unused)
+        cover(off @ np.array((sun.x, sun.y, sun.w)).T, faces, opacity, shadows, unused)
         light(
-            self._picture, self._depth, self._seen, points, faces, places, normals, self._colors,
+            self._picture, self._depth, self._seen, points, faces, places, normals, colors,
             shadows, camera, sun, self.ground, self.tones,
         )  # fmt: skip
         shown = np.empty((self.size[1], self.size[0], 3), np.uint8)

@@ -20,6 +20,7 @@ from pgraph_app.run import Playback, Request, Run
 from pgraph_app.run.footfalls import prints
 from pgraph_app.scene import marks
 from pgraph_app.scene.overlays import Overlays
+from pgraph_app.scene.solids import drawn_beside
 from pgraph_core.live import module
 from pgraph_core.show import notebook
 
@@ -150,3 +151,50 @@ def test_a_picture_is_of_the_time_that_is_shown(run, what, begins):
     assert content.startswith(begins)
     if what == "png":
         assert content != view.made(Exporting(1, what, run, time=0.0))[1]
+
+
+def test_a_picture_has_the_springs_and_forces_that_the_page_shows(monkeypatch):
+    """The hand-over of a press with a spring showed no spring."""
+    from pgraph_core.show import pictures
+
+    mass = pg.Body(name="a", joint="prismatic", axes=(0, 0, 1), mass=1.0, link=(0, 0, 1))
+    spring = pg.Spring(name="s", body="a", other_point=(0, 0, 2), stiffness=9.81, rest=0.0)
+    model = pg.Model(bodies=[mass], forces=[spring])
+    done = pg.simulate(model, t_end=0.1, step=1e-2)
+    made, drawn = [], pictures.Drawing.draw
+    monkeypatch.setattr(
+        pictures.Drawing,
+        "draw",
+        lambda s, pose, beside: made.append(beside) or drawn(s, pose, beside),
+    )
+    contents = [
+        view.made(Exporting(1, "png", Run(model, Request(), done), 0.0, frozenset(shown)))[1]
+        for shown in ((), ("joining",))
+    ]
+    assert contents[0] != contents[1]
+    assert [len(x.places) > 0 for x in made] == [False, True]
+    corners = made[1].places[:, 2]
+    width = np.ptp(made[1].places[:, 0])  # the wire of the coil is as thick as a part of it
+    assert corners.min() == pytest.approx(1.0, abs=width)  # from the body to the point above
+    assert corners.max() == pytest.approx(2.0, abs=width)
+    view.made(Exporting(1, "gif", Run(model, Request(), done), 0.0, frozenset(("joining",))))
+    assert len(made) > 3
+
+
+def test_a_picture_has_arrows_of_contact_forces():
+    ball = pg.Body(
+        name="a",
+        joint="free",
+        mass=1.0,
+        shape={"kind": "sphere", "radius": 0.1},
+        q=(0, 0, 0.1, 1, 0, 0, 0),
+    )
+    model = pg.Model(bodies=[ball], contacts=[pg.Contact(name="floor", body="a")])
+    done = pg.simulate(model, t_end=0.1)
+    faces = drawn_beside(Run(model, Request(), done), frozenset({"forces"}))(
+        0.1, done.body_pose[-1]
+    )
+    assert len(faces.places) == 3 * len(faces.colors) == 3 * len(faces.opacity) > 0
+    low, high = faces.places[:, 2].min(), faces.places[:, 2].max()
+    assert high > 10 * abs(low)  # it points up from the ground
+    np.testing.assert_allclose(np.linalg.norm(faces.normals, axis=1), 1.0)
