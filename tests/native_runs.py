@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import lzma
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -43,7 +42,7 @@ CALLS: dict[str, tuple[Any, ...]] = {
     "message": (TEXT, PLACE),
 }
 has_library = pytest.mark.skipif(
-    not library.here() or not library.packed_file(library.here()).is_file(),
+    not library.here() or bool(library.stale(library.here())),
     reason="this platform has no library",
 )
 
@@ -53,7 +52,7 @@ def loaded() -> Any:
     """Return the library of this platform."""
     here = library.here()
     path = Path(mkdtemp(), library.PLATFORMS[here].file)
-    path.write_bytes(lzma.decompress(library.packed_file(here).read_bytes()))
+    path.write_bytes(library.library(here))
     found = ctypes.CDLL(str(path))
     for name, (result, *arguments) in CALLS.items():
         function = getattr(found, f"pgraph_{name}")

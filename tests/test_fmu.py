@@ -252,3 +252,20 @@ def test_wrong_calls_are_refused(given, part, allowed, tmp_path):
     assert allowed in str(refused.value)
     with pytest.raises(pg.FileError, match=r"\.fmu"):
         pg.write_fmu(load("pendulum"), tmp_path / "m.txt")
+
+
+def test_the_command_line_writes_an_fmu_and_names_what_does_not_apply(tmp_path, capsys):
+    from pgraph_app.cli.main import main
+
+    path = str(tmp_path / "m.fmu")
+    call = ["export", "four_bar", "-o", path, "--fmi", "2", "--kind", "cs", "--platform", HERE[0]]
+    assert main([*call, "--open", "bodies.coupler.mass", "--json"]) == 0
+    assert "bodies.coupler.mass" in capsys.readouterr().out
+    assert fmpy.read_model_description(path).fmiVersion == "2.0"
+    for more, part in ((["--live"], "--live"), (["--fps", "20"], "--fps")):
+        assert main([*call, *more]) != 0
+        assert part in capsys.readouterr().err
+    assert main(["convert", path, str(tmp_path / "m.json")]) != 0
+    assert "is an FMU" in capsys.readouterr().err
+    assert main(["export", "four_bar", "-o", "a.html", "--fmi", "2"]) != 0
+    assert "--fmi does not apply to a page" in capsys.readouterr().err

@@ -34,7 +34,7 @@ class State(gait.State):
 class Export(FromPage):
     """Export the run as a file."""
 
-    what: Literal["csv", "npz", "live", "png", "mp4", "gif"]
+    what: Literal["csv", "npz", "live", "fmu", "png", "mp4", "gif"]
 
     def applied(self, state: State) -> State:
         if state.plotted is None or state.live is not None:

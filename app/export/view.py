@@ -11,7 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+import pgraph_core as pg
 from pgraph_core import InputError
+from pgraph_core.errors import Problem
 
 from ..core.bridge import Bridge
 from ..core.views import Host, Place
@@ -91,6 +93,8 @@ def made(
             return arrays(asked.run)
         case "live":
             return "live.html", living(asked.run)
+        case "fmu":
+            return "fmu", unit(asked.run)
         case "png" | "mp4" | "gif":
             return asked.what, drawn(asked, progress)
     raise ValueError(asked.what)
@@ -126,6 +130,26 @@ def living(run: Run) -> bytes:
         return page(run.result, [f"bodies.{name}.mass" for name in heavy[:OPEN]]).encode()
     except InputError:
         return page(run.result).encode()
+
+
+def unit(run: Run) -> bytes:
+    """Return an FMU of the model, with the scenario, method and step of the run if these travel.
+
+    Raises InputError if something cannot travel, with the reason.
+    """
+    from pgraph_core.live.run import SMOOTH, TOUCHING
+
+    header = run.result.header
+    if header.get("given_torques"):
+        text = "its torques come from Python, which an FMU does not run; write them as expressions"
+        raise InputError(Problem("FMU", "", text))
+    method = header["method"] if header["method"] in (*SMOOTH, *TOUCHING) else "auto"
+    steps = {"step": header["step"]} if header["rtol"] is None else {"rtol": header["rtol"]}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{re.sub(r'[^A-Za-z0-9_]+', '_', run.model.name) or 'model'}.fmu"
+        given = {"method": method, **steps} if method != "auto" else {}
+        pg.write_fmu(run.model, path, scenario=header["scenario"], **given)
+        return path.read_bytes()
 
 
 def recorded_only(run: Run) -> str:

@@ -94,6 +94,12 @@
       "Interactive figure",
       "A page that plays the run in any browser, in which the reader runs the model and changes its masses",
     ],
+    [
+      "Share",
+      "fmu",
+      "FMU (Simulink, Modelica, ...)",
+      "The model with the scenario and steps of the run, for other simulators; they need no Python",
+    ],
     ["Picture and film", "png", "Picture", "PNG of the pose shown, from the standard view"],
     ["Picture and film", "mp4", "Film", "MP4 of the run, which any player shows"],
     ["Picture and film", "gif", "GIF", "The run as a small film for slides and mails"],

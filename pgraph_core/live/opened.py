@@ -88,22 +88,24 @@ class Follows(NamedTuple):
 
 
 def follows(
-    model: Model, runs: Mapping[str, LiveRun], fields: Sequence[Opened], make: Any
-) -> list[tuple[Opened, dict[str, Follows]]]:
+    model: Model, runs: Mapping[str, LiveRun], fields: Sequence[Opened], make: Any,
+    within: float = 0.0,
+) -> list[tuple[Opened, dict[str, Follows]]]:  # fmt: skip
     """Return each field with the dependent addresses as {method: addresses}.
 
     Fields without a rule have a finite number of values. `make(mechanism, method)` returns the run
-    of a changed model. Raises InputError if the browser cannot follow a field.
+    of a changed model. Numbers may differ from those of the changed model by the relative error
+    `within`. Raises InputError if the browser cannot follow a field.
     """
     found = []
     rng = np.random.default_rng(0)
     own = {method: run.memory() for method, run in runs.items()}
     for one in fields:
         try:
-            found.append((one, _of(one, model, runs, own, make, rng)))
+            found.append((one, _of(one, model, runs, own, make, rng, within)))
         except _NoRuleError:
             some = one._replace(number=SOME)
-            found.append((some, _of(some, model, runs, own, make, rng)))
+            found.append((some, _of(some, model, runs, own, make, rng, within)))
     used = [one for one, _ in found]
     for _ in range(VALUES_TRIED if len(fields) > 1 else 0):  # all at once
         together = [float(rng.choice(f.values) if f.number else rng.uniform(f.low, f.high))
@@ -111,7 +113,7 @@ def follows(
         changed = _made(model, list(zip(used, together)), make, runs)
         for method, run in runs.items():
             given = [(of[method], x) for (_, of), x in zip(found, together)]
-            if wrong := _differs(run, own[method], given, changed[method]):
+            if wrong := _differs(run, own[method], given, changed[method], within):
                 names = choices(other.path.text for other in used[:-1])
                 text = f"cannot be left open with {names}: {wrong} follow several of them; "
                 raise InputError(Problem("export", used[-1].path.text, f"{text}leave one out"))
@@ -122,13 +124,13 @@ class _NoRuleError(InputError):
     """Numbers in the run depend on a field in a way that the browser cannot compute."""
 
     def __init__(self, one: Opened, what: str):
-        text = f"cannot be left open: {what} depend on it by a rule that the browser does not know"
+        text = f"cannot be left open: {what} depend on it by a rule that an export does not know"
         super().__init__(Problem("export", one.path.text, text))
 
 
 def _of(
     one: Opened, model: Model, runs: Mapping[str, LiveRun], own: Mapping[str, bytearray],
-    make: Any, rng: np.random.Generator,
+    make: Any, rng: np.random.Generator, within: float,
 ) -> dict[str, Follows]:  # fmt: skip
     """Return the numbers that depend on a field, by method. Raises InputError."""
     values = one.values or [one.low, *rng.uniform(one.low, one.high, VALUES_TRIED), one.high]
@@ -138,9 +140,10 @@ def _of(
         theirs = [memories[method] for memories in changed]
         if any(len(memory) != len(own[method]) for memory in theirs):
             raise _NoRuleError(one, "the sizes of its tables")
-        of[method] = (_listed if one.number else _follows)(run, own[method], values, theirs)
+        given = run, own[method], values, theirs
+        of[method] = _listed(*given) if one.number else _follows(*given, within)
         for x, memory in zip(values, theirs):
-            if wrong := _differs(run, own[method], [(of[method], x)], memory):
+            if wrong := _differs(run, own[method], [(of[method], x)], memory, within):
                 raise _NoRuleError(one, wrong)
     return of
 
@@ -173,8 +176,9 @@ def _made(
 
 
 def _follows(
-    run: LiveRun, own: bytearray, values: Sequence[float], theirs: Sequence[bytearray]
-) -> Follows:
+    run: LiveRun, own: bytearray, values: Sequence[float], theirs: Sequence[bytearray],
+    within: float,
+) -> Follows:  # fmt: skip
     """Find the numbers that are copies or multiples of the value."""
     x = np.array(values)
     words = np.stack([np.frombuffer(memory, np.int64) for memory in theirs])
@@ -184,7 +188,7 @@ def _follows(
     inside = [_span(run, name) for name in TABLE]
     for place, column in zip((BASE + 8 * places).tolist(), y.T):
         in_table = any(begin <= place < end for begin, end in inside)
-        factor = _factor(x, column)
+        factor = _factor(x, column, within)
         if factor is not None:
             (table if in_table else copies).append((place, factor))
     packed = [span for name in PACKED for span in [_span(run, name)]]
@@ -193,13 +197,18 @@ def _follows(
     return Follows(tuple(copies), tuple(table))
 
 
-def _factor(x: Any, y: Any) -> float | None:
-    """Return c if y equals c x with a single rounding, else None."""
+def _factor(x: Any, y: Any, within: float) -> float | None:
+    """Return c if y equals c x with a single rounding, or within a relative error, else None."""
     k = int(np.argmax(np.abs(x)))
     for c in (1.0, -1.0, float(y[k] / x[k]) if x[k] else 1.0):
-        if np.array_equal(c * x, y):
+        if np.array_equal(c * x, y) or (within and _close(c * x, y, within).all()):
             return c
     return None
+
+
+def _close(a: Any, b: Any, within: float) -> Any:
+    with np.errstate(invalid="ignore", over="ignore"):  # integers as floats
+        return np.abs(a - b) <= within * np.maximum(np.abs(a), np.abs(b))
 
 
 def _span(run: LiveRun, name: str) -> tuple[int, int]:
@@ -208,7 +217,7 @@ def _span(run: LiveRun, name: str) -> tuple[int, int]:
 
 
 def _differs(
-    run: LiveRun, own: bytearray, given: Sequence[tuple[Follows, float]], want: Any
+    run: LiveRun, own: bytearray, given: Sequence[tuple[Follows, float]], want: Any, within: float
 ) -> str:
     """Apply the browser's changes to the image. Return the first difference from `want`, or "" if
     there is none."""
@@ -239,4 +248,7 @@ def _differs(
         for begin, to, size in run.header()["copies"]:
             memory[to - BASE : to - BASE + size] = memory[begin - BASE : begin - BASE + size]
     wrong = np.flatnonzero(np.frombuffer(memory, np.int64) != np.frombuffer(want, np.int64))
+    if within:
+        found, wanted = (np.frombuffer(x, np.float64)[wrong] for x in (memory, want))
+        wrong = wrong[~_close(found, wanted, within)]
     return run.image.name_of(BASE + 8 * int(wrong[0])) if len(wrong) else ""

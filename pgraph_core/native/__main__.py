@@ -7,7 +7,6 @@ linker, which is installed by `pip install -e .[release]`.
 from __future__ import annotations
 
 import json
-import lzma
 import subprocess
 import sys
 import tempfile
@@ -22,7 +21,7 @@ from ..engine.compiler.loading import name_of
 from . import library
 from .library import CALLED, LINKED, PLATFORMS, Platform
 
-FLAGS = ("-std=c11", "-O2", "-Wall", "-Wextra", "-Werror", "-fvisibility=hidden", "-DPGRAPH_BUILDS",
+FLAGS = ("-std=c23", "-O2", "-Wall", "-Wextra", "-Werror", "-fvisibility=hidden", "-DPGRAPH_BUILDS",
          "-ffp-contract=off", "-fno-sanitize=undefined", "-s", "-shared")  # fmt: skip
 
 
@@ -33,25 +32,25 @@ def main(names: list[str]) -> None:
     if stale:
         raise SystemExit(f"the archive is older than {stale[0]}; python -m pgraph_core.engine")
     library.LIBRARIES.mkdir(exist_ok=True)
-    whole, digests = bitcode(), dict(library.about().get("sources", {}))
+    whole = bitcode()
     for name in names or PLATFORMS:
-        made = linked(object_of(whole, PLATFORMS[name]), PLATFORMS[name])
         path = library.packed_file(name)
-        path.write_bytes(lzma.compress(made, filters=_filters(name)))
-        digests[name] = library.digest()
-        print(f"{path.name}: {len(made)} bytes, {path.stat().st_size} compressed", flush=True)
+        made = {**library.unpacked(path)} | {name: linked(object_of(whole, PLATFORMS[name]), name)}
+        path.write_bytes(library.packed({x: made[x] for x in PLATFORMS if x in made}))
+        library.unpacked.cache_clear()
+        _note(name, linker)
+        print(f"{name}: {len(made[name])} bytes; {path.name}: {path.stat().st_size}", flush=True)
+
+
+def _note(name: str, linker: str) -> None:
+    """Add a library to the build record."""
+    known = json.loads(library.ABOUT.read_text("utf-8")) if library.ABOUT.is_file() else {}
     about = {
-        "sources": digests,
+        "sources": {**known.get("sources", {}), name: library.digest()},
         "kernels": library.kernels_digest(),
         "made_by": {"llvmlite": version("llvmlite"), "ziglang": linker},
     }
     library.ABOUT.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
-
-
-def _filters(name: str) -> list[dict[str, int]]:
-    """Return the filters of lzma, of which one knows jumps of x86."""
-    jumps = [{"id": lzma.FILTER_X86}] if name.startswith("x86") else []
-    return [*jumps, {"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME}]
 
 
 def bitcode() -> bytes:
@@ -98,8 +97,9 @@ def object_of(whole: bytes, platform: Platform) -> bytes:
     return target.emit_object(module)
 
 
-def linked(code: bytes, platform: Platform) -> bytes:
+def linked(code: bytes, name: str) -> bytes:
     """Compile the C files for a platform and link them with the kernels into a library."""
+    platform = PLATFORMS[name]
     with tempfile.TemporaryDirectory() as folder:
         object_file, out = Path(folder, "kernels.o"), Path(folder, platform.file)
         object_file.write_bytes(code)

@@ -101,6 +101,12 @@ def _root(fmu: Fmu, version: str, **more: str) -> Element:
     })  # fmt: skip
 
 
+def _categories(root: Element) -> None:
+    group = Xml.SubElement(root, "LogCategories")
+    for name in ("logStatusError", "logStatusDiscard"):
+        Xml.SubElement(group, "Category", name=name)
+
+
 def _experiment(root: Element, fmu: Fmu, more: Mapping[str, str]) -> None:
     start = fmu.variables[0].value
     span = {"startTime": repr(start), "stopTime": repr(start + fmu.exported.span)}
@@ -159,6 +165,7 @@ def fmi3(fmu: Fmu) -> bytes:
             own["fixedInternalStepSize"] = step["stepSize"]
         Xml.SubElement(root, "CoSimulation", {**can, **own})
     _units(root, "Unit", fmu.variables)
+    _categories(root)
     _experiment(root, fmu, step)
     group = Xml.SubElement(root, "ModelVariables")
     states = fmu.numbers(STATE)
@@ -192,6 +199,7 @@ def fmi2(fmu: Fmu) -> bytes:
         own = {"canHandleVariableCommunicationStepSize": "true"}
         Xml.SubElement(root, "CoSimulation", {**can, **own})
     _units(root, "Unit", fmu.variables)
+    _categories(root)
     step = {} if fmu.exported.by_tolerance else {"stepSize": repr(fmu.exported.setup.step)}
     _experiment(root, fmu, step)
     group = Xml.SubElement(root, "ModelVariables")

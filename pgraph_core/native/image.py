@@ -34,7 +34,7 @@ from ..result.columns import coordinates
 from ..signals.meaning import unit as unit_of
 from ..simulation.inputs import Input, InputInKnots, Inputs
 from ..simulation.options import RTOL
-from ..tolerances import SOLVED
+from ..tolerances import ROUNDING, SOLVED
 from .library import LINKED, SOURCES, kernels_digest
 
 TIME, INPUT, PARAMETER, STATE, OUTPUT, DERIVATIVE = range(6)  # kinds of variables, as in c/pgraph.h
@@ -151,7 +151,7 @@ class Exported:
         make = partial(_made, setup=self.setup)
         self.run: NativeRun = make(self.mech, self.method)
         fields = [opened(model, one) for one in wanted.parameters]
-        found = follows(model, {self.method: self.run}, fields, make)
+        found = follows(model, {self.method: self.run}, fields, make, ROUNDING)
         self.by_tolerance = METHODS[self.method].adaptive and wanted.rtol is not None
         taken: set[str] = set()
         self.variables = [Variable("time", TIME, float(self.run.plan.times[0]), "s", "time")]

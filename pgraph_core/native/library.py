@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import lzma
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -110,8 +111,28 @@ def stale(platform: str) -> str:
 
 
 def packed_file(platform: str) -> Path:
-    """Return the path of a compressed library in this package."""
-    return LIBRARIES / f"{platform}.xz"
+    """Return the path of the compressed libraries for the processors of a platform."""
+    return LIBRARIES / f"{platform.partition('-')[0]}.xz"
+
+
+def packed(libraries: Mapping[str, bytes]) -> bytes:
+    """Return libraries for one kind of processor as a file. Much of their code is the same."""
+    head = json.dumps({name: len(code) for name, code in libraries.items()}).encode()
+    content = head + b"\n" + b"".join(libraries.values())
+    return lzma.compress(content, preset=9 | lzma.PRESET_EXTREME)
+
+
+@cache
+def unpacked(path: Path) -> dict[str, bytes]:
+    """Return the libraries in a file, by platform."""
+    if not path.is_file():
+        return {}
+    head, _, content = lzma.decompress(path.read_bytes()).partition(b"\n")
+    found, at = dict[str, bytes](), 0
+    for name, size in json.loads(head).items():
+        found[name] = content[at : at + size]
+        at += size
+    return found
 
 
 def library(platform: str) -> bytes:
@@ -121,7 +142,7 @@ def library(platform: str) -> bytes:
         raise InputError(Problem("export", "platforms", text))
     if reason := stale(platform):
         raise InputError(Problem("export", "platforms", reason))
-    return lzma.decompress(packed_file(platform).read_bytes())
+    return unpacked(packed_file(platform))[platform]
 
 
 def here() -> str:

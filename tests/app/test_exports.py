@@ -68,6 +68,18 @@ def test_a_living_figure_opens_the_masses(run):
     assert [field["path"] for field in engine["open"]] == [f"bodies.{i}.mass" for i in (1, 2, 3)]
 
 
+def test_an_fmu_has_the_model_of_the_run_or_says_why_there_is_none(run, tmp_path):
+    content = view.unit(run)
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        archive.extract("resources/model.json", tmp_path)
+        assert "modelDescription.xml" in archive.namelist()
+    assert pg.load(tmp_path / "resources" / "model.json") == run.model
+    model = pg.Model.serial(1)
+    result = pg.simulate(model, tau=lambda t, q, v: np.array([np.sin(t)]), t_end=0.1)
+    with pytest.raises(pg.InputError, match="Python"):
+        view.unit(Run(model, Request(), result))
+
+
 def test_a_living_figure_of_torques_in_python_is_the_recording():
     model = pg.Model.serial(1)
     result = pg.simulate(model, tau=lambda t, q, v: np.array([np.sin(t)]), t_end=0.1)

@@ -13,7 +13,7 @@
 static const double DRIFT = 1e-10; /* change of a state by projection that an importer is told of */
 static const double APART = 1e-6;  /* of a step: the importer's time is another one */
 
-static FILE *opened(const char *path) {
+static FILE* opened(const char* path) {
 #ifdef _WIN32
   wchar_t wide[4096];
   if (!MultiByteToWideChar(CP_UTF8, 0, path, -1, wide, 4096)) return NULL;
@@ -23,10 +23,10 @@ static FILE *opened(const char *path) {
 #endif
 }
 
-static void *read_file(const char *path, size_t *bytes) {
-  FILE *file = opened(path);
+static void* read_file(const char* path, size_t* bytes) {
+  FILE* file = opened(path);
   if (!file) return NULL;
-  void *found = NULL;
+  void* found = NULL;
   long size = fseek(file, 0, SEEK_END) ? -1 : ftell(file);
   if (size > 0 && !fseek(file, 0, SEEK_SET)) {
     *bytes = (size_t)size;
@@ -40,16 +40,14 @@ static void *read_file(const char *path, size_t *bytes) {
   return found;
 }
 
-status told(component *c, status how, const char *text) {
+status told(component* c, status how, const char* text) {
   if (c->tell && c->log) c->tell(c->log, c->environment, c->name ? c->name : "", how, text);
   return how;
 }
 
-status checked(component *c, int code) {
-  return code ? told(c, ERROR, pgraph_message(c->p)) : OK;
-}
+status checked(component* c, int code) { return code ? told(c, ERROR, pgraph_message(c->p)) : OK; }
 
-void component_free(component *c) {
+void component_free(component* c) {
   if (!c) return;
   free(c->memory);
   free(c->model);
@@ -58,8 +56,8 @@ void component_free(component *c) {
 }
 
 /* The reason why the component cannot be made, or null. */
-static const char *load(component *c, const char *token, const char *folder) {
-  const char *why = NULL;
+static const char* load(component* c, const char* token, const char* folder) {
+  const char* why = NULL;
   size_t length = strlen(folder), size;
   char *path = malloc(length + 16), own[17];
   if (!path) return "there is no memory";
@@ -71,18 +69,18 @@ static const char *load(component *c, const char *token, const char *folder) {
   size = pgraph_size(c->model, c->bytes, &why);
   if (!size) return why;
   snprintf(own, sizeof own, "%016llx",
-           (unsigned long long)((const int64_t *)c->model)[c->bytes / 8 - 1]);
+           (unsigned long long)((const int64_t*)c->model)[c->bytes / 8 - 1]);
   if (!token || strcmp(token, own)) return "modelDescription.xml belongs to another model.bin";
   c->memory = malloc(size + ALIGNMENT);
   if (!c->memory) return "there is no memory";
   uintptr_t at = (uintptr_t)c->memory;
-  c->p = pgraph_create(c->model, c->bytes, (void *)(at + (ALIGNMENT - at % ALIGNMENT)));
+  c->p = pgraph_create(c->model, c->bytes, (void*)(at + (ALIGNMENT - at % ALIGNMENT)));
   return c->p ? NULL : "the model cannot be loaded";
 }
 
-component *component_of(const char *name, const char *token, const char *folder, void *log,
-                        void *environment, teller *tell) {
-  component *c = calloc(1, sizeof *c);
+component* component_of(const char* name, const char* token, const char* folder, void* log,
+                        void* environment, teller* tell) {
+  component* c = calloc(1, sizeof *c);
   if (!c) return NULL;
   size_t length = strlen(name ? name : "") + 1;
   c->log = log;
@@ -90,7 +88,7 @@ component *component_of(const char *name, const char *token, const char *folder,
   c->tell = tell;
   c->name = malloc(length);
   if (c->name) memcpy(c->name, name ? name : "", length);
-  const char *why = c->name ? load(c, token, folder ? folder : "") : "there is no memory";
+  const char* why = c->name ? load(c, token, folder ? folder : "") : "there is no memory";
   if (!why) {
     c->start = pgraph_first_time(c->p);
     return c;
@@ -102,31 +100,31 @@ component *component_of(const char *name, const char *token, const char *folder,
 
 /* -- values ----------------------------------------------------------------------------------- */
 
-status get_reals(component *c, const uint32_t *numbers, size_t n, double *values) {
+status get_reals(component* c, const uint32_t* numbers, size_t n, double* values) {
   if (c->initialising && c->p->state == 0 && initialise(c) != OK) return ERROR;
   for (size_t i = 0; i < n; i++)
     if (checked(c, pgraph_get(c->p, (int)numbers[i], values + i)) != OK) return ERROR;
   return OK;
 }
 
-status set_reals(component *c, const uint32_t *numbers, size_t n, const double *values) {
+status set_reals(component* c, const uint32_t* numbers, size_t n, const double* values) {
   if (c->initialising) c->p->state = 0; /* starts again when it is read, or at the end */
   for (size_t i = 0; i < n; i++)
     if (checked(c, pgraph_set(c->p, (int)numbers[i], values[i])) != OK) return ERROR;
   return OK;
 }
 
-status initialise(component *c) { return checked(c, pgraph_start(c->p, c->start)); }
+status initialise(component* c) { return checked(c, pgraph_start(c->p, c->start)); }
 
-void component_reset(component *c) {
+void component_reset(component* c) {
   pgraph_create(c->model, c->bytes, c->p);
   c->start = pgraph_first_time(c->p);
-  c->initialising = c->changed = 0;
+  c->initialising = 0;
 }
 
 /* -- co-simulation ---------------------------------------------------------------------------- */
 
-status do_step(component *c, double now, double duration, double *reached) {
+status do_step(component* c, double now, double duration, double* reached) {
   double t = pgraph_time(c->p);
   *reached = t;
   if (!(duration >= 0.0)) return told(c, ERROR, "the step size must be at least 0");
@@ -145,20 +143,20 @@ status do_step(component *c, double now, double duration, double *reached) {
 
 /* -- model exchange --------------------------------------------------------------------------- */
 
-size_t state_count(const component *c) {
+size_t state_count(const component* c) {
   return (size_t)(c->p->words[W_COORDINATES] + c->p->words[W_VELOCITIES]);
 }
 
-static status right_count(component *c, size_t n) {
+static status right_count(component* c, size_t n) {
   return n == state_count(c) ? OK : told(c, ERROR, "the number of states is another one");
 }
 
-status put_states(component *c, const double *x, size_t n) {
+status put_states(component* c, const double* x, size_t n) {
   if (right_count(c, n) != OK) return ERROR;
   return checked(c, pgraph_put_state(c->p, pgraph_time(c->p), x));
 }
 
-status get_states(component *c, double *x, size_t n) {
+status get_states(component* c, double* x, size_t n) {
   if (right_count(c, n) != OK) return ERROR;
   size_t nq, nv;
   const double *q = pgraph_q(c->p, &nq), *v = pgraph_v(c->p, &nv);
@@ -167,15 +165,15 @@ status get_states(component *c, double *x, size_t n) {
   return OK;
 }
 
-status get_rates(component *c, double *rates, size_t n) {
-  const double *found;
+status get_rates(component* c, double* rates, size_t n) {
+  const double* found;
   if (right_count(c, n) != OK) return ERROR;
   if (checked(c, pgraph_derivatives(c->p, &found)) != OK) return ERROR;
   memcpy(rates, found, n * 8);
   return OK;
 }
 
-status set_time(component *c, double t) {
+status set_time(component* c, double t) {
   if (c->p->state != 1) return told(c, ERROR, "the time is set after the initialization");
   *real_at(c->p, W_TIME) = t;
   *integer_at(c->p, W_FRESH) = 0;
@@ -184,61 +182,83 @@ status set_time(component *c, double t) {
 }
 
 /* After a step: constraints and quaternions may have drifted. The states change in event mode. */
-status completed(component *c, int *enter_event_mode) {
+status completed(component* c, int* enter_event_mode) {
   size_t nq = array_of(c->p, A_Q)[3] * 8, nv = array_of(c->p, A_V)[3] * 8;
   double moved = 0.0, *before = malloc(nq + nv);
   *enter_event_mode = 0;
   if (!before) return told(c, ERROR, "there is no memory");
   memcpy(before, numbers(c->p, A_Q), nq);
-  memcpy((char *)before + nq, numbers(c->p, A_V), nv);
+  memcpy((char*)before + nq, numbers(c->p, A_V), nv);
   status how = checked(c, pgraph_project(c->p, &moved));
   memcpy(numbers(c->p, A_Q), before, nq);
-  memcpy(numbers(c->p, A_V), (char *)before + nq, nv);
+  memcpy(numbers(c->p, A_V), (char*)before + nq, nv);
   c->p->seen = 0;
   free(before);
   *enter_event_mode = moved > DRIFT;
   return how;
 }
 
-/* -- copies of the state ---------------------------------------------------------------------- */
-
-copy *copied(const component *c) {
-  size_t bytes = pgraph_state_size(c->p);
-  copy *made = malloc(sizeof *made + bytes);
-  if (!made) return NULL;
-  made->bytes = bytes;
-  made->start = c->start;
-  made->model = ((const int64_t *)c->model)[c->bytes / 8 - 1];
-  pgraph_save(c->p, made->memory);
-  return made;
+status put_back(component* c, int* changed) {
+  double moved = 0.0;
+  status how = c->p->state == 1 ? checked(c, pgraph_project(c->p, &moved)) : OK;
+  *changed = moved > 0.0;
+  return how;
 }
 
-status restored(component *c, const copy *from) {
+status nominals(double* values, size_t n) {
+  for (size_t i = 0; i < n; i++) values[i] = 1.0;
+  return OK;
+}
+
+/* -- copies of the state ---------------------------------------------------------------------- */
+
+status copy_state(component* c, void** state) {
+  size_t bytes = pgraph_state_size(c->p);
+  copy* made = malloc(sizeof *made + bytes);
+  free(*state);
+  *state = made;
+  if (!made) return told(c, ERROR, "there is no memory");
+  made->bytes = bytes;
+  made->start = c->start;
+  made->model = ((const int64_t*)c->model)[c->bytes / 8 - 1];
+  pgraph_save(c->p, made->memory);
+  return OK;
+}
+
+status free_state(void** state) {
+  if (state) {
+    free(*state);
+    *state = NULL;
+  }
+  return OK;
+}
+
+status restored(component* c, const copy* from) {
   if (!from || from->bytes != pgraph_state_size(c->p) ||
-      from->model != ((const int64_t *)c->model)[c->bytes / 8 - 1])
+      from->model != ((const int64_t*)c->model)[c->bytes / 8 - 1])
     return told(c, ERROR, "the state is not one of this model");
   c->start = from->start;
   c->initialising = 0;
   return checked(c, pgraph_restore(c->p, from->memory));
 }
 
-size_t serialised_size(const component *c) { return sizeof(copy) + pgraph_state_size(c->p); }
+size_t serialised_size(const component* c) { return sizeof(copy) + pgraph_state_size(c->p); }
 
-status serialise(component *c, const copy *from, char *to, size_t size) {
+status serialise(component* c, const copy* from, char* to, size_t size) {
   if (!from || size < serialised_size(c)) return told(c, ERROR, "the buffer is too small");
   memcpy(to, from, serialised_size(c));
   return OK;
 }
 
-copy *deserialised(component *c, const char *from, size_t size) {
+status deserialise(component* c, const char* from, size_t size, void** state) {
   copy first;
+  *state = NULL;
   if (size >= sizeof first) memcpy(&first, from, sizeof first);
   if (size < serialised_size(c) || first.bytes != pgraph_state_size(c->p) ||
-      first.model != ((const int64_t *)c->model)[c->bytes / 8 - 1]) {
-    told(c, ERROR, "the serialised state is not one of this model");
-    return NULL;
-  }
-  copy *made = malloc(serialised_size(c));
-  if (made) memcpy(made, from, serialised_size(c));
-  return made;
+      first.model != ((const int64_t*)c->model)[c->bytes / 8 - 1])
+    return told(c, ERROR, "the serialised state is not one of this model");
+  *state = malloc(serialised_size(c));
+  if (!*state) return told(c, ERROR, "there is no memory");
+  memcpy(*state, from, serialised_size(c));
+  return OK;
 }

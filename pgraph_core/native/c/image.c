@@ -6,32 +6,32 @@
 #include <string.h>
 
 /* Kernels that others call by address, in the order of LINKED in library.py. */
-#define LINKED(use)                                                                              \
-  use(acceleration) use(projection) use(record) use(constrain) use(semi_implicit)                \
-  use(runge_kutta) use(cross) use(moreau_jean) use(find) use(contact_forces)                     \
-  use(record_contacts) use(settle_contacts) use(bound_step) use(walking)
+#define LINKED(use)                                                                                \
+  use(acceleration) use(projection) use(record) use(constrain) use(semi_implicit) use(runge_kutta) \
+      use(cross) use(moreau_jean) use(find) use(contact_forces) use(record_contacts)               \
+          use(settle_contacts) use(bound_step) use(walking)
 #define DECLARED(name) void k_##name(void);
 #define ADDRESS(name) k_##name,
 LINKED(DECLARED)
 static void (*const linked[])(void) = {LINKED(ADDRESS)};
 
-extern const char kernels_digest[]; /* generated: 16 letters */
+extern const char kernels_digest[]; /* generated: 8 letters */
 
-const char *pgraph_kernels(void) { return kernels_digest; }
+const char* pgraph_kernels(void) { return kernels_digest; }
 
-static int64_t word_of(const char *letters) {
+static int64_t word_of(const char* letters) {
   int64_t found;
   memcpy(&found, letters, 8);
   return found;
 }
 
-static int outside(const int64_t *w, int at, int64_t count, int64_t size) {
+static int outside(const int64_t* w, int at, int64_t count, int64_t size) {
   int64_t bytes = w[W_FILE_BYTES];
   return w[at] < 8 * W_COUNT || count < 0 || w[at] % 8 || w[at] > bytes ||
          count > (bytes - w[at]) / size;
 }
 
-static int64_t hash_of(const unsigned char *bytes, size_t count) {
+static int64_t hash_of(const unsigned char* bytes, size_t count) {
   uint64_t found = 14695981039346656037u; /* FNV-1a over words */
   for (size_t i = 0; i + 8 <= count; i += 8) {
     uint64_t word;
@@ -42,9 +42,10 @@ static int64_t hash_of(const unsigned char *bytes, size_t count) {
 }
 
 /* The reason why these bytes are no model for this library, or null. */
-const char *image_problem(const void *model, size_t bytes) {
-  const int64_t *w = model;
-  if (!model || bytes < 8 * (W_COUNT + 1) || (uintptr_t)model % 8 || w[W_MAGIC] != word_of("PGRAPHM\n"))
+const char* image_problem(const void* model, size_t bytes) {
+  const int64_t* w = model;
+  if (!model || bytes < 8 * (W_COUNT + 1) || (uintptr_t)model % 8 ||
+      w[W_MAGIC] != word_of("PGRAPHM\n"))
     return "this is no file of a model, written by pg.write_c or pg.write_fmu";
   if (w[W_FORM] != FORM || w[W_KERNELS] != word_of(kernels_digest))
     return "the model was written by another version of Pgraph than this library";
@@ -61,56 +62,53 @@ const char *image_problem(const void *model, size_t bytes) {
   return NULL;
 }
 
-const int64_t *section(const pgraph *p, int word) { return p->words + p->words[word] / 8; }
-const int64_t *array_of(const pgraph *p, int which) { return section(p, W_ARRAYS) + 6 * which; }
-double *numbers(const pgraph *p, int which) {
-  return (double *)(p->image + array_of(p, which)[0]);
-}
-int64_t *integer_at(const pgraph *p, int word) { return (int64_t *)(p->image + p->words[word]); }
-double *real_at(const pgraph *p, int word) { return (double *)(p->image + p->words[word]); }
-double real_word(const pgraph *p, int word) {
+const int64_t* section(const pgraph* p, int word) { return p->words + p->words[word] / 8; }
+const int64_t* array_of(const pgraph* p, int which) { return section(p, W_ARRAYS) + 6 * which; }
+double* numbers(const pgraph* p, int which) { return (double*)(p->image + array_of(p, which)[0]); }
+int64_t* integer_at(const pgraph* p, int word) { return (int64_t*)(p->image + p->words[word]); }
+double* real_at(const pgraph* p, int word) { return (double*)(p->image + p->words[word]); }
+double real(const int64_t* word) {
   double found;
-  memcpy(&found, p->words + word, 8);
+  memcpy(&found, word, 8);
   return found;
 }
+double real_word(const pgraph* p, int word) { return real(p->words + word); }
 
 /* Move all addresses in a copy of the image by a distance. */
-void image_shift(const pgraph *p, unsigned char *memory, int64_t by) {
-  const int64_t *places = section(p, W_RELOCATIONS);
-  for (int64_t i = 0; i < p->words[W_RELOCATION_COUNT]; i++)
-    *(int64_t *)(memory + places[i]) += by;
+void image_shift(const pgraph* p, unsigned char* memory, int64_t by) {
+  const int64_t* places = section(p, W_RELOCATIONS);
+  for (int64_t i = 0; i < p->words[W_RELOCATION_COUNT]; i++) *(int64_t*)(memory + places[i]) += by;
 }
 
-static void link_kernels(const pgraph *p, unsigned char *memory) {
-  const int64_t *links = section(p, W_LINKS);
+static void link_kernels(const pgraph* p, unsigned char* memory) {
+  const int64_t* links = section(p, W_LINKS);
   for (int64_t i = 0; i < p->words[W_LINK_COUNT]; i++)
-    *(uint64_t *)(memory + links[2 * i]) = (uintptr_t)linked[links[2 * i + 1]];
+    *(uint64_t*)(memory + links[2 * i]) = (uintptr_t)linked[links[2 * i + 1]];
 }
 
 /* Everything as it was written, but the values that the user set. */
-void image_load(pgraph *p) {
-  const int64_t *w = p->words;
-  memcpy(p->image, (const unsigned char *)w + w[W_IMAGE], (size_t)w[W_VALUES]);
+void image_load(pgraph* p) {
+  const int64_t* w = p->words;
+  memcpy(p->image, (const unsigned char*)w + w[W_IMAGE], (size_t)w[W_VALUES]);
   image_shift(p, p->image, (int64_t)(uintptr_t)p->image - w[W_BASE]);
   link_kernels(p, p->image);
 }
 
-size_t pgraph_state_size(const pgraph *p) { return (size_t)p->words[W_IMAGE_BYTES] + 16; }
+size_t pgraph_state_size(const pgraph* p) { return (size_t)p->words[W_IMAGE_BYTES] + 16; }
 
-void pgraph_save(const pgraph *p, void *state) {
-  unsigned char *out = state;
+void pgraph_save(const pgraph* p, void* state) {
+  unsigned char* out = state;
   const int64_t size = p->words[W_IMAGE_BYTES], first[2] = {p->state, 0};
   memcpy(out, first, 16);
   memcpy(out + 8, &p->began, 8);
   memcpy(out + 16, p->image, (size_t)size);
   image_shift(p, out + 16, p->words[W_BASE] - (int64_t)(uintptr_t)p->image);
-  const int64_t *links = section(p, W_LINKS);
-  for (int64_t i = 0; i < p->words[W_LINK_COUNT]; i++)
-    memset(out + 16 + links[2 * i], 0, 8);
+  const int64_t* links = section(p, W_LINKS);
+  for (int64_t i = 0; i < p->words[W_LINK_COUNT]; i++) memset(out + 16 + links[2 * i], 0, 8);
 }
 
-int pgraph_restore(pgraph *p, const void *state) {
-  const unsigned char *in = state;
+int pgraph_restore(pgraph* p, const void* state) {
+  const unsigned char* in = state;
   int64_t how;
   memcpy(&how, in, 8);
   if (how < -1 || how > 1) return fail(p, "this is no state of an instance of this model");
@@ -123,7 +121,7 @@ int pgraph_restore(pgraph *p, const void *state) {
   return 0;
 }
 
-int fail(pgraph *p, const char *text, ...) {
+int fail(pgraph* p, const char* text, ...) {
   va_list rest;
   va_start(rest, text);
   vsnprintf(p->message, sizeof p->message, text, rest);
@@ -131,20 +129,20 @@ int fail(pgraph *p, const char *text, ...) {
   return -1;
 }
 
-const char *pgraph_message(const pgraph *p) { return p->message; }
+const char* pgraph_message(const pgraph* p) { return p->message; }
 
 /* -- kernels ---------------------------------------------------------------------------------- */
 
-void put_word(arguments *a, uint64_t word) { a->words[a->count++] = word; }
+void put_word(arguments* a, uint64_t word) { a->words[a->count++] = word; }
 
-void put_real(arguments *a, double x) {
+void put_real(arguments* a, double x) {
   uint64_t word;
   memcpy(&word, &x, 8);
   put_word(a, word);
 }
 
 /* Owner, parent, number of entries, bytes of each, place, lengths, strides, as `calls.py` does. */
-void put_array(arguments *a, const pgraph *p, int which) {
+void put_array(arguments* a, const pgraph* p, int which) {
   const int64_t *one = array_of(p, which), axes = one[2];
   int64_t count = 1, strides[3], step = one[1];
   for (int64_t i = axes - 1; i >= 0; i--) {
@@ -161,7 +159,7 @@ void put_array(arguments *a, const pgraph *p, int which) {
   for (int64_t i = 0; i < axes; i++) put_word(a, (uint64_t)strides[i]);
 }
 
-int64_t called(kernel *k, arguments *a) {
+int64_t called(kernel* k, arguments* a) {
   uint64_t results[8] = {0};
   k(a->words, results);
   return (int64_t)results[0];

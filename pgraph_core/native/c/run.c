@@ -1,98 +1,99 @@
 /* Step an instance, as `engine.js` does in the browser: kernels are called in turn. */
-#include "image.h"
-
 #include <math.h>
 #include <string.h>
 
-enum { DONE = 0, RUNNING = 3 }; /* status codes of a run that has not failed */
+#include "image.h"
+
+enum { DONE = 0, RUNNING = 3 };  /* status codes of a run that has not failed */
 static const double SAME = 1e-9; /* as in simulation/options.py */
 static const int64_t ROUNDS = 50;
 static const double ROUNDED = 1e-12; /* of the square of a quaternion from 1 */
-static const double NOTABLE = 1e-6; /* as in analysis/assembly.py */
+static const double NOTABLE = 1e-6;  /* as in analysis/assembly.py */
 
 extern void k_acceleration(void);
 
-static const char *reason(int64_t code) {
+static const char* reason(int64_t code) {
   switch (code) {
-    case 1: return "the numbers are no longer finite: try a smaller step";
-    case 2: return "the constraints can no longer be met: the mechanism may be torn or singular";
-    case 4: return "the error allows no step: something changes too fast";
-    case 5: return "it took too many steps";
-    case 6: return "the equations of a step could not be solved: try a smaller step";
-    default: return "a step failed";
+    case 1:
+      return "the numbers are no longer finite: try a smaller step";
+    case 2:
+      return "the constraints can no longer be met: the mechanism may be torn or singular";
+    case 4:
+      return "the error allows no step: something changes too fast";
+    case 5:
+      return "it took too many steps";
+    case 6:
+      return "the equations of a step could not be solved: try a smaller step";
+    default:
+      return "a step failed";
   }
 }
 
-size_t pgraph_size(const void *model, size_t bytes, const char **why) {
-  const char *problem = image_problem(model, bytes);
+size_t pgraph_size(const void* model, size_t bytes, const char** why) {
+  const char* problem = image_problem(model, bytes);
   if (why) *why = problem;
   if (problem) return 0;
-  return (sizeof(pgraph) / ALIGNMENT + 1) * ALIGNMENT + (size_t)((const int64_t *)model)[W_IMAGE_BYTES];
+  return (sizeof(pgraph) / ALIGNMENT + 1) * ALIGNMENT +
+         (size_t)((const int64_t*)model)[W_IMAGE_BYTES];
 }
 
-pgraph *pgraph_create(const void *model, size_t bytes, void *memory) {
+pgraph* pgraph_create(const void* model, size_t bytes, void* memory) {
   if (image_problem(model, bytes) || !memory || (uintptr_t)memory % ALIGNMENT) return NULL;
-  pgraph *p = memory;
+  pgraph* p = memory;
   memset(p, 0, sizeof *p);
   p->words = model;
-  p->image = (unsigned char *)memory + (sizeof(pgraph) / ALIGNMENT + 1) * ALIGNMENT;
-  memcpy(p->image, (const unsigned char *)model + p->words[W_IMAGE],
+  p->image = (unsigned char*)memory + (sizeof(pgraph) / ALIGNMENT + 1) * ALIGNMENT;
+  memcpy(p->image, (const unsigned char*)model + p->words[W_IMAGE],
          (size_t)p->words[W_IMAGE_BYTES]);
   p->values = real_at(p, W_VALUES);
   image_load(p);
   return p;
 }
 
-double pgraph_time(const pgraph *p) { return *real_at(p, W_TIME); }
-double pgraph_first_time(const pgraph *p) { return real_word(p, W_START); }
+double pgraph_time(const pgraph* p) { return *real_at(p, W_TIME); }
+double pgraph_first_time(const pgraph* p) { return real_word(p, W_START); }
 
-const double *pgraph_q(const pgraph *p, size_t *count) {
+const double* pgraph_q(const pgraph* p, size_t* count) {
   if (count) *count = (size_t)p->words[W_COORDINATES];
   return numbers(p, A_Q);
 }
 
-const double *pgraph_v(const pgraph *p, size_t *count) {
+const double* pgraph_v(const pgraph* p, size_t* count) {
   if (count) *count = (size_t)p->words[W_VELOCITIES];
   return numbers(p, A_V);
 }
 
 /* -- variables -------------------------------------------------------------------------------- */
 
-static int ready(pgraph *p);
+static int ready(pgraph* p);
 
-static const int64_t *variable(const pgraph *p, int k) {
+static const int64_t* variable(const pgraph* p, int k) {
   return section(p, W_VARIABLES) + (int64_t)k * V_WORDS;
 }
 
-int pgraph_count(const pgraph *p) { return (int)p->words[W_VARIABLE_COUNT]; }
-const char *pgraph_name(const pgraph *p, int k) {
+int pgraph_count(const pgraph* p) { return (int)p->words[W_VARIABLE_COUNT]; }
+const char* pgraph_name(const pgraph* p, int k) {
   if (k < 0 || k >= pgraph_count(p)) return "";
-  return (const char *)p->words + variable(p, k)[V_NAME];
+  return (const char*)p->words + variable(p, k)[V_NAME];
 }
 
-int pgraph_kind(const pgraph *p, int k) {
+int pgraph_kind(const pgraph* p, int k) {
   return k < 0 || k >= pgraph_count(p) ? -1 : (int)variable(p, k)[V_KIND];
 }
 
-int pgraph_find(const pgraph *p, const char *name) {
+int pgraph_find(const pgraph* p, const char* name) {
   for (int k = 0; k < pgraph_count(p); k++)
     if (!strcmp(pgraph_name(p, k), name)) return k;
   return -1;
 }
 
-static double real(const int64_t *word) {
-  double found;
-  memcpy(&found, word, 8);
-  return found;
-}
-
 /* Let a value act. Whether the table of bodies has to be packed again. */
-static int act(pgraph *p, int k, double value) {
+static int act(pgraph* p, int k, double value) {
   const int64_t *one = variable(p, k), *effect = section(p, W_EFFECTS);
   int packs = 0;
   effect += one[V_FIRST_EFFECT] * E_WORDS;
   for (int64_t i = 0; i < one[V_EFFECTS]; i++, effect += E_WORDS) {
-    double *at = (double *)(p->image + effect[E_PLACE]);
+    double* at = (double*)(p->image + effect[E_PLACE]);
     double start = real(effect + E_START), slope = real(effect + E_SLOPE);
     if (effect[E_LAG] && p->state == 1) { /* (time, value, slope, effective value) of a knot */
       double lag = real(effect + E_LAG), *knot = at - 1, past = pgraph_time(p) - knot[0];
@@ -112,7 +113,7 @@ static int act(pgraph *p, int k, double value) {
   return packs;
 }
 
-int pgraph_set(pgraph *p, int k, double value) {
+int pgraph_set(pgraph* p, int k, double value) {
   int kind = pgraph_kind(p, k);
   if (kind < 0) return fail(p, "no variable has the number %d; there are %d", k, pgraph_count(p));
   if (kind == PGRAPH_TIME || kind == PGRAPH_OUTPUT || kind == PGRAPH_DERIVATIVE)
@@ -133,28 +134,28 @@ int pgraph_set(pgraph *p, int k, double value) {
   return 0;
 }
 
-int pgraph_get(pgraph *p, int k, double *value) {
+int pgraph_get(pgraph* p, int k, double* value) {
   int kind = pgraph_kind(p, k);
   if (kind < 0) return fail(p, "no variable has the number %d; there are %d", k, pgraph_count(p));
   if (kind == PGRAPH_TIME) {
     *value = pgraph_time(p);
   } else if (kind == PGRAPH_OUTPUT) {
-    const double *found = readings(p);
+    const double* found = readings(p);
     if (!found) return -1;
     *value = found[variable(p, k)[V_READ]];
   } else if (kind == PGRAPH_DERIVATIVE) {
-    const double *found;
+    const double* found;
     if (pgraph_derivatives(p, &found)) return -1;
     *value = found[variable(p, k)[V_READ]];
   } else if (kind == PGRAPH_STATE && p->state != 0) {
-    *value = *(double *)(p->image + variable(p, k)[V_READ]);
+    *value = *(double*)(p->image + variable(p, k)[V_READ]);
   } else {
     *value = p->values[k];
   }
   return 0;
 }
 
-static int ready(pgraph *p) {
+static int ready(pgraph* p) {
   if (p->state == 1) return 0;
   return p->state ? fail(p, "the run has stopped at t = %.6g s; start it again", pgraph_time(p))
                   : fail(p, "the instance has not been started");
@@ -163,11 +164,12 @@ static int ready(pgraph *p) {
 /* -- the start -------------------------------------------------------------------------------- */
 
 /* Largest of the mechanism's own lengths [m], as `length_in` in packing. */
-static double length_of(const pgraph *p) {
+static double length_of(const pgraph* p) {
   const int64_t *w = p->words, rows = w[W_ROWS], columns = array_of(p, A_CONST)[4];
   double gyration = 0.0, far[2] = {0.0, 0.0};
   for (int64_t r = 1; r < rows; r++) {
-    const double *row = numbers(p, A_CONST) + r * columns, *arms[2] = {row + w[W_LINK], row + w[W_COM]};
+    const double *row = numbers(p, A_CONST) + r * columns,
+                 *arms[2] = {row + w[W_LINK], row + w[W_COM]};
     const double *inertia = row + w[W_INERTIA], mass = row[w[W_MASS]];
     if (mass > 0.0) gyration = fmax(gyration, (inertia[0] + inertia[1] + inertia[2]) / mass);
     for (int i = 0; i < 2; i++)
@@ -181,24 +183,24 @@ static double length_of(const pgraph *p) {
 }
 
 /* The constants of the kernels from the table of bodies. */
-static void pack(const pgraph *p) {
+static void pack(const pgraph* p) {
   arguments a = {.count = 0};
   for (int i = A_PARENT; i <= A_HOME; i++) put_array(&a, p, i);
   called(w_pack, &a);
   const int64_t *place = section(p, W_LENGTHS), *copy = section(p, W_COPIES);
   for (int64_t i = 0; i < p->words[W_LENGTH_COUNT]; i++)
-    *(double *)(p->image + place[i]) = length_of(p);
+    *(double*)(p->image + place[i]) = length_of(p);
   for (int64_t i = 0; i < p->words[W_COPY_COUNT]; i++, copy += 3)
     memmove(p->image + copy[1], p->image + copy[0], (size_t)copy[2]);
 }
 
-static uint64_t scene(const pgraph *p) { return (uintptr_t)(p->image + p->words[W_SCENE]); }
-static uint64_t run(const pgraph *p) { return (uintptr_t)(p->image + p->words[W_RUN]); }
+static uint64_t scene(const pgraph* p) { return (uintptr_t)(p->image + p->words[W_SCENE]); }
+static uint64_t run(const pgraph* p) { return (uintptr_t)(p->image + p->words[W_RUN]); }
 
-int pgraph_project(pgraph *p, double *moved) {
+int pgraph_project(pgraph* p, double* moved) {
   int64_t nq = array_of(p, A_Q)[3], nv = array_of(p, A_V)[3], count[2] = {nq, nv};
   double *trial = numbers(p, A_TRIAL), *q = numbers(p, A_Q), *v = numbers(p, A_V);
-  const int64_t *spin = section(p, W_SPINS);
+  const int64_t* spin = section(p, W_SPINS);
   if (moved) *moved = 0.0;
   memcpy(trial, q, (size_t)nq * 8);
   memcpy(trial + nq, v, (size_t)nv * 8);
@@ -211,8 +213,8 @@ int pgraph_project(pgraph *p, double *moved) {
   put_word(&a, scene(p));
   put_real(&a, pgraph_time(p));
   for (int i = 0; i < 2; i++) {
-    const uint64_t one[7] = {0, 0, (uint64_t)count[i], 8, (uintptr_t)(trial + (i ? nq : 0)),
-                             (uint64_t)count[i], 8};
+    const uint64_t one[7] = {
+        0, 0, (uint64_t)count[i], 8, (uintptr_t)(trial + (i ? nq : 0)), (uint64_t)count[i], 8};
     for (int k = 0; k < 7; k++) put_word(&a, one[k]);
   }
   put_word(&a, (uint64_t)ROUNDS);
@@ -232,7 +234,7 @@ int pgraph_project(pgraph *p, double *moved) {
   return 0;
 }
 
-int accelerate(pgraph *p) {
+int accelerate(pgraph* p) {
   arguments a = {.count = 0};
   put_word(&a, scene(p));
   put_word(&a, (uintptr_t)k_acceleration);
@@ -248,7 +250,7 @@ int accelerate(pgraph *p) {
   return code < 0 ? fail(p, "the acceleration is not finite at t = %g s", pgraph_time(p)) : 0;
 }
 
-int pgraph_put_state(pgraph *p, double t, const double *x) {
+int pgraph_put_state(pgraph* p, double t, const double* x) {
   if (ready(p)) return -1;
   size_t nq = (size_t)p->words[W_COORDINATES], nv = (size_t)p->words[W_VELOCITIES];
   *real_at(p, W_TIME) = t;
@@ -259,7 +261,7 @@ int pgraph_put_state(pgraph *p, double t, const double *x) {
   return 0;
 }
 
-int pgraph_derivatives(pgraph *p, const double **rates) {
+int pgraph_derivatives(pgraph* p, const double** rates) {
   if (ready(p)) return -1;
   double *x = numbers(p, A_X), *q = numbers(p, A_Q), *v = numbers(p, A_V);
   *rates = x;
@@ -269,7 +271,7 @@ int pgraph_derivatives(pgraph *p, const double **rates) {
   for (int64_t i = 0; i < p->words[W_SLIDE_COUNT]; i++, slide += 2) x[slide[0]] = v[slide[1]];
   for (int64_t i = 0; i < p->words[W_SPIN_COUNT]; i++, spin += 2) {
     const double *a = q + spin[0], *w = v + spin[1]; /* p' = (0, w) p / 2 */
-    double *to = x + spin[0];
+    double* to = x + spin[0];
     to[0] = -0.5 * (w[0] * a[1] + w[1] * a[2] + w[2] * a[3]);
     to[1] = 0.5 * (w[0] * a[0] + w[1] * a[3] - w[2] * a[2]);
     to[2] = 0.5 * (w[1] * a[0] + w[2] * a[1] - w[0] * a[3]);
@@ -280,7 +282,7 @@ int pgraph_derivatives(pgraph *p, const double **rates) {
   return 0;
 }
 
-static void choose_steps(pgraph *p) {
+static void choose_steps(pgraph* p) {
   if (p->words[W_ADAPTIVE]) {
     *integer_at(p, W_WIDTHS) = p->words[p->words[W_BY_TOLERANCE] ? W_CHOSEN : W_GIVEN];
     *real_at(p, W_RTOL) = real_word(p, p->words[W_BY_TOLERANCE] ? W_TOLERANCE : W_FIXED_TOLERANCE);
@@ -291,17 +293,21 @@ static void choose_steps(pgraph *p) {
   *real_at(p, W_SPAN) = span;
 }
 
-int pgraph_start(pgraph *p, double t) {
+int pgraph_start(pgraph* p, double t) {
   int packs = 0;
   if (t != real_word(p, W_START) && !p->words[W_MOVABLE])
-    return fail(p, "this model starts at t = %g s, since it has lags or samples that begin there; "
-                "given %g s", real_word(p, W_START), t);
+    return fail(p,
+                "this model starts at t = %g s, since it has lags or samples that begin there; "
+                "given %g s",
+                real_word(p, W_START), t);
   if (!isfinite(t)) return fail(p, "the start time must be finite, given %g", t);
   image_load(p);
   p->state = 0;
   p->message[0] = 0;
-  for (int k = 0; k < pgraph_count(p); k++)
-    packs |= act(p, k, p->values[k]);
+  const double* own =
+      (const double*)((const char*)p->words + p->words[W_IMAGE] + p->words[W_VALUES]);
+  for (int k = 0; k < pgraph_count(p); k++) /* what was not changed keeps its bits */
+    if (p->values[k] != own[k]) packs |= act(p, k, p->values[k]);
   mode before = mode_begin();
   if (packs) pack(p);
   mode_end(before);
@@ -328,7 +334,7 @@ int pgraph_start(pgraph *p, double t) {
 /* -- steps ------------------------------------------------------------------------------------ */
 
 /* The next `n` steps of this width end at `end`. */
-static void interval(pgraph *p, int64_t n, double width, double end) {
+static void interval(pgraph* p, int64_t n, double width, double end) {
   double now = pgraph_time(p), *times = numbers(p, A_TIMES);
   if (*real_at(p, W_WIDEST) != width) {
     *real_at(p, W_WIDEST) = width;
@@ -342,7 +348,7 @@ static void interval(pgraph *p, int64_t n, double width, double end) {
   times[1] = end;
 }
 
-static int64_t advance(pgraph *p, int64_t n) {
+static int64_t advance(pgraph* p, int64_t n) {
   arguments a = {.count = 0};
   put_word(&a, run(p));
   put_word(&a, (uint64_t)n);
@@ -354,21 +360,21 @@ static int64_t advance(pgraph *p, int64_t n) {
   return code;
 }
 
-static int went(pgraph *p, int64_t code) {
+static int went(pgraph* p, int64_t code) {
   if (code == DONE || code == RUNNING) return 0;
   p->state = -1;
   return fail(p, "the run stopped at t = %.6g s: %s", pgraph_time(p), reason(code));
 }
 
 /* Take `n` given steps, each in as many parts as events within it need. */
-static int take(pgraph *p, int64_t n) {
+static int take(pgraph* p, int64_t n) {
   const int64_t *taken = integer_at(p, W_TAKEN), end = *taken + n;
   while (*taken < end)
     if (went(p, advance(p, end - *taken))) return -1;
   return 0;
 }
 
-int pgraph_step(pgraph *p, int64_t n) {
+int pgraph_step(pgraph* p, int64_t n) {
   if (ready(p)) return -1;
   if (p->words[W_BY_TOLERANCE]) return fail(p, "the method chooses its steps; use pgraph_advance");
   if (n < 1) return fail(p, "the number of steps must be at least 1, given %lld", (long long)n);
@@ -376,13 +382,13 @@ int pgraph_step(pgraph *p, int64_t n) {
   return take(p, n);
 }
 
-int pgraph_advance(pgraph *p, double duration) {
+int pgraph_advance(pgraph* p, double duration) {
   if (ready(p)) return -1;
   if (!(duration > 0.0 && isfinite(duration)))
     return fail(p, "the duration must be a number > 0 s, given %g", duration);
   double now = pgraph_time(p), step = real_word(p, W_STEP), end = now + duration;
   if (p->words[W_BY_TOLERANCE]) {
-    double *times = numbers(p, A_TIMES);
+    double* times = numbers(p, A_TIMES);
     times[0] = now;
     times[1] = end;
     *integer_at(p, W_LAST) = 2;

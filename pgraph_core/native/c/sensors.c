@@ -1,13 +1,13 @@
 /* Readings of the outputs, by the kernels that read them in Python. */
-#include "image.h"
-
 #include <string.h>
 
-static void bodies(pgraph *p) {
+#include "image.h"
+
+static void bodies(pgraph* p) {
   arguments a = {.count = 0};
-  const int given[] = {A_ROWS, A_CONST, A_BODIES_I, A_BODIES_F, A_FRAME_Q, A_FRAME_V, A_FRAME_VDOT,
-                       A_EXTERNAL, A_WORK, A_POSITION, A_ROTATION, A_VELOCITY, A_ACCELERATION,
-                       A_FORCE};
+  const int given[] = {A_ROWS,     A_CONST,      A_BODIES_I,     A_BODIES_F, A_FRAME_Q,
+                       A_FRAME_V,  A_FRAME_VDOT, A_EXTERNAL,     A_WORK,     A_POSITION,
+                       A_ROTATION, A_VELOCITY,   A_ACCELERATION, A_FORCE};
   for (size_t i = 0; i < sizeof given / sizeof *given; i++) put_array(&a, p, given[i]);
   called(w_motion_and_forces, &a);
   arguments b = {.count = 0};
@@ -17,7 +17,7 @@ static void bodies(pgraph *p) {
   called(w_as_quaternions, &b);
 }
 
-const double *readings(pgraph *p) {
+const double* readings(pgraph* p) {
   if (p->seen & 1) return numbers(p, A_READINGS);
   if (p->state == 0) {
     fail(p, "outputs exist after the start");
@@ -30,8 +30,8 @@ const double *readings(pgraph *p) {
   memcpy(numbers(p, A_FRAME_VDOT), numbers(p, A_VDOT), (size_t)p->words[W_VELOCITIES] * 8);
   if (p->words[W_MOVES]) bodies(p);
   arguments a = {.count = 0};
-  const int given[] = {A_SENSORS, A_GRAVITY, A_FRAME_Q, A_FRAME_V, A_POSE, A_VELOCITY,
-                       A_ACCELERATION, A_FORCE, A_READINGS};
+  const int given[] = {A_SENSORS,  A_GRAVITY,      A_FRAME_Q, A_FRAME_V, A_POSE,
+                       A_VELOCITY, A_ACCELERATION, A_FORCE,   A_READINGS};
   for (size_t i = 0; i < sizeof given / sizeof *given; i++) put_array(&a, p, given[i]);
   called(w_read_sensors, &a);
   mode_end(before);

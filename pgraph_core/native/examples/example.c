@@ -1,4 +1,5 @@
-/* Run the model for one second, and print its variables every tenth of a second. */
+/* Run the model for one second, and print its variables every tenth of a
+ * second. */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -6,12 +7,14 @@
 
 static void *read_file(const char *path, size_t *bytes) {
   FILE *file = fopen(path, "rb");
-  if (!file) return NULL;
+  if (!file)
+    return NULL;
   fseek(file, 0, SEEK_END);
   *bytes = (size_t)ftell(file);
   rewind(file);
   void *found = malloc(*bytes);
-  if (found && fread(found, 1, *bytes, file) != *bytes) *bytes = 0;
+  if (found && fread(found, 1, *bytes, file) != *bytes)
+    *bytes = 0;
   fclose(file);
   return found;
 }
@@ -26,13 +29,16 @@ int main(int count, char **given) {
     return 1;
   }
   char *memory = malloc(size + 64);
-  if (!memory) return 1;
-  pgraph *p = pgraph_create(model, bytes, memory + (64 - (uintptr_t)memory % 64));
+  if (!memory)
+    return 1;
+  pgraph *p =
+      pgraph_create(model, bytes, memory + (64 - (uintptr_t)memory % 64));
   if (pgraph_start(p, pgraph_first_time(p))) {
     fprintf(stderr, "%s\n", pgraph_message(p));
     return 1;
   }
-  for (int k = 0; k < pgraph_count(p); k++) printf(k ? ",%s" : "%s", pgraph_name(p, k));
+  for (int k = 0; k < pgraph_count(p); k++)
+    printf(k ? ",%s" : "%s", pgraph_name(p, k));
   printf("\n");
   for (int row = 0; row <= 10; row++) {
     for (int k = 0; k < pgraph_count(p); k++) {

@@ -1,5 +1,6 @@
-/* A loop with a fixed step, as a controller or a test rig has it: memory is given once, and nothing
-   is allocated. The model is in the program, and not in a file. Make model_data.c by
+/* A loop with a fixed step, as a controller or a test rig has it: memory is
+   given once, and nothing is allocated. The model is in the program, and not in
+   a file. Make model_data.c by
 
      xxd -i model.bin > model_data.c
 
@@ -29,7 +30,8 @@ int main(void) {
     return 1;
   }
   pgraph *p = pgraph_create(model_bin, model_bin_len, memory);
-  if (pgraph_start(p, pgraph_first_time(p))) return 1;
+  if (pgraph_start(p, pgraph_first_time(p)))
+    return 1;
   double longest = 0.0;
   for (int tick = 0; tick < 1000; tick++) {
     double began = now();
@@ -39,7 +41,8 @@ int main(void) {
       return 1;
     }
     double took = now() - began;
-    if (took > longest) longest = took;
+    if (took > longest)
+      longest = took;
     /* write your outputs here, and wait for the next tick */
   }
   printf("t = %.17g s, longest step %.3g us\n", pgraph_time(p), 1e6 * longest);
