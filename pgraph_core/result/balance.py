@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from ..dynamics.exerted import force_sizes
 from ..dynamics.paths import UNKEPT
-from ..dynamics.scene import force_sizes
 from ..errors import percent
 from ..packing import Array
 from ..tolerances import SOLVED, VISIBLE

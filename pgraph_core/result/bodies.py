@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..curves import Table
-from ..dynamics.scene import load_wrenches, rope_spans, segments_of
+from ..dynamics.exerted import load_wrenches, rope_spans
+from ..dynamics.scene import segments_of
 from ..dynamics.states import BodyMotion, bodies_over, turned
 from ..engine import layout as at
 from ..forces import Driven, OnJoint

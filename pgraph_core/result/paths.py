@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..dynamics.scene import path_tensions, rope_spans, segments_of, spans_over
+from ..dynamics.exerted import path_tensions, rope_spans, spans_over
+from ..dynamics.scene import segments_of
 from ..forces import Cable, Force, OnJoint
 from ..model import Rope
 from ..model.expressions import TENSE

@@ -83,7 +83,8 @@ def _left(cable: Lying, point: Any, turn: Any) -> str:
 
 def pushing(record: Running) -> Iterator[str]:
     """Yield a notice about the first frame in which a rope would have to push."""
-    from ..dynamics.scene import rope_spans, segments_of
+    from ..dynamics.exerted import rope_spans
+    from ..dynamics.scene import segments_of
 
     packed, n = record.mech.packed, record.steps.recorded
     for rope in ropes_of(packed):

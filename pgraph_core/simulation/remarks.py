@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..dynamics.arguments import UserTorque, answer_of, positions
-from ..dynamics.scene import force_sizes
+from ..dynamics.exerted import force_sizes
 from ..engine import motion
 from ..engine.compiler.jit import made_by_numba
 from ..engine.records import CREEP, RIGID, SOFT

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.dynamics.scene import load_wrenches
+from pgraph_core.dynamics.exerted import load_wrenches
 from pgraph_core.paper import Operators
 from tests.oracle.loads import load_of
 
