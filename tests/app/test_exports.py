@@ -186,9 +186,9 @@ def test_a_picture_has_the_springs_and_forces_that_the_page_shows(monkeypatch):
     assert contents[0] != contents[1]
     assert [len(x.places) > 0 for x in made] == [False, True]
     corners = made[1].places[:, 2]
-    width = np.ptp(made[1].places[:, 0])  # the wire of the coil is as thick as a part of it
-    assert corners.min() == pytest.approx(1.0, abs=width)  # from the body to the point above
-    assert corners.max() == pytest.approx(2.0, abs=width)
+    wire = 0.1 / 9  # [m] less than a tenth of the pitch of 9 turns
+    assert corners.min() == pytest.approx(1.0, abs=wire)  # from the body to the point above
+    assert corners.max() == pytest.approx(2.0, abs=wire)
     view.made(Exporting(1, "gif", Run(model, Request(), done), 0.0, frozenset(("joining",))))
     assert len(made) > 3
 
