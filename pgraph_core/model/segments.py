@@ -95,6 +95,8 @@ def rigid(parts: Mapping[str, Sequence[Any]]) -> tuple[Body, ...]:
     They stand for the beam where nobody asks how it deforms: in checks, edits and the digraph.
     """
     beams = {beam.name: beam for beam in parts["beams"]}
+    if not beams:
+        return ()
     names = (body.name for body in parts["bodies"])
     found = list[Body]()
     for name, (of, at) in places_of(beams, names, parts).items():
@@ -106,9 +108,11 @@ def rigid(parts: Mapping[str, Sequence[Any]]) -> tuple[Body, ...]:
 
 
 def _fixed(name: str, parent: str, link: Array, rotation: Any = (1.0, 0.0, 0.0, 0.0)) -> Body:
+    unseen = Shape(kind="sphere", radius=1.0, opacity=0.0, role="visual")
     return Body(
-        name=name, parent=parent, joint="weld", mass=0.0, link=link.tolist(), rotation=rotation
-    )
+        name=name, parent=parent, joint="weld", mass=0.0, link=link.tolist(), rotation=rotation,
+        shape=unseen, derived=(), inertia=(0.0, 0.0, 0.0),
+    )  # fmt: skip
 
 
 def point_at(beam: Beam, at: float) -> Array:

@@ -9,6 +9,7 @@ from scipy.integrate import quad
 import pgraph_core as pg
 from pgraph_core.model.beam import circle, rectangle, tube
 from pgraph_core.model.segments import divided
+from pgraph_core.show.shapes import pieces
 
 ELASTICA = {1: (0.301721, 0.056433), 5: (0.713792, 0.387628), 10: (0.810609, 0.554996)}
 
@@ -305,3 +306,9 @@ def test_an_edit_of_the_segments_leaves_the_beam():
     lighter = segments.edit("rod[2]", mass=0.1)
     assert lighter.described is lighter
     assert pg.Mechanism(lighter).nv == 4
+
+
+def test_a_place_is_not_drawn():
+    model = pg.Mechanism(held(planar(4))).model
+    assert pieces(model.body("rod"), ()) == ()
+    assert len(pieces(model.body("rod[2]"), ())) > 1
