@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from .analysis.feedback import Feedback as Feedback
     from .analysis.feedback import lqr as lqr
     from .analysis.feedback import place_poles as place_poles
+    from .analysis.kalman import Kalman as Kalman
+    from .analysis.kalman import kalman as kalman
     from .analysis.mobility import Mobility as Mobility
     from .batches.batch_stepper import BatchStepper as BatchStepper
     from .capture.identify import Inertias as Inertias
