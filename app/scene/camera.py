@@ -18,7 +18,7 @@ from . import Client, State, View, marks, ties
 from .marks import looks
 
 ALONG = "/along/{}"  # the node that cameras follow, one of its own for each model that is opened
-CLEAR = 0.02  # height of a camera above the ground over the model's size
+CLEAR = 0.03  # height of a camera above the ground, and of the bodies of a mechanism, over its size
 FILLS = 0.6  # least share of the picture that a model and its motion fill, in one direction
 TYPICAL_ASPECT = 1.0  # width over height of the view at 1280 x 800
 
@@ -225,19 +225,29 @@ def passed(state: State) -> np.ndarray:
 def ground(state: State) -> float:
     """Return the depth [m] below its plane at which the ground is drawn.
 
-    The ground lies below the motion of the last run and the present pose. Before a run, and during
-    a live run, it lies below all that the bodies can reach.
+    The ground lies clear of the motion of the last run, or the initial pose before a run, and of
+    the present pose. During a live run, it lies below all that the bodies can reach.
     """
-    low, run, up = state.derived.low, state.last_run, np.asarray(state.model.ground_normal)
-    if not low or state.live is not None or run is None or run.model is not state.model:
-        return low
-    if run.travels @ up or not len(run.swept):
-        return low
-    reached = [run.swept]
+    d, run, up = state.derived, state.last_run, np.asarray(state.model.ground_normal)
+    if not d.low or state.live is not None:
+        return d.low
+    known = run is not None and run.model is state.model
+    if known and (run.travels @ up or not len(run.swept)):
+        return d.low
+    lowest = [float((run.swept @ up).min()) if known else low_at(state, up, d.positions, d.wxyz)]
     if state.pose is not None:
-        positions, wxyz = poses(state)
-        reached.append(bodies.extent(looks(state), positions, shapes.to_matrix(wxyz)))
-    return min(low, max(-float((np.concatenate(reached) @ up).min()), 0.0))
+        lowest.append(low_at(state, up, *poses(state)))
+    return min(d.low, max(CLEAR * d.size - min(lowest), 0.0))
+
+
+def low_at(state: State, up: np.ndarray, positions: np.ndarray, wxyz: np.ndarray) -> float:
+    """Return the height [m] of the lowest point of bodies and brackets at these poses."""
+    R = shapes.to_matrix(wxyz)
+    low = float((bodies.extent(looks(state), positions, R) @ up).min())
+    if (found := ties.joinings(state, positions, R).get("pivots")) is not None:
+        reach = found.size.max(axis=1) / 2
+        low = min(low, float((found.at @ up - reach).min(initial=low)))
+    return low
 
 
 def frames(state: State) -> np.ndarray | None:
