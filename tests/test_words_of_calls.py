@@ -148,13 +148,12 @@ RUN = pg.simulate(MODEL, t_end=0.01)
 MISSED = {  # a call -> the way to what it asks for
     lambda: pg.Environment: "pg.gym.make",
     lambda: RUN.centre_of_pressure: "run.contact_force",
-    lambda: RUN.imu: "accelerometer",
     lambda: RUN.sol: "run.at",
     lambda: RUN.ground_reaction_force: '"ground"',
     lambda: pg.Mechanism(MODEL).distance: "run.position",
     lambda: pg.Stepper(MODEL).result: "stepper.record",
     lambda: pg.overlay: "Compare",
-    lambda: pg.simulate(MODEL, sample=0.02): "Stepper".lower(),
+    lambda: pg.simulate(MODEL, sample=0.02): "pg.Sampled",
     lambda: pg.linearise(MODEL, parameters=["m"]): "model.edit",
 }
 

@@ -55,6 +55,7 @@ class Dynamics(Kinematics):
     finite.
     """
 
+    divided: bool  # whether it has the segments of beams
     _springs: int
     _free: tuple[Any, ...]  # arguments of `at_once`, empty if the kernel does not suffice
     _untold: dict[tuple[str, str], str]  # (call, what it ignores): names, without a warning so far
@@ -75,6 +76,7 @@ class Dynamics(Kinematics):
         vars(self).update(  # at once: setting an attribute is guarded
             nb=packed.nb, nq=nq, nv=nv, packed=packed, _springs=packed.springs, _free=free,
             _untold=untold, _rest=rest, _work=work, _lock=threading.Lock(),
+            divided=bool(model.segments),
         )  # fmt: skip
 
     def __getstate__(self) -> Model:

@@ -198,7 +198,7 @@ def simulate(
         "switches": switches, "states": states, "q": q, "v": v,
     }  # fmt: skip
     told: tuple[str, ...] = ()
-    if estimate is not False and refines(mech):
+    if mech.divided and estimate is not False and refines(mech):
         mech, told = fine_enough(mech, simulate, call)
         q, v = call["q"], call["v"]
     options = Options.unchecked(
@@ -238,7 +238,7 @@ def simulate(
     record.ended.notices[:0] = notices_of_start(mech, options, (q, v, states), state[0])
     result = result_of(record, error, timing)
     record.leave()
-    if estimate is not False and mech.model.segments:
+    if mech.divided and estimate is not False:
         result = with_space_error(result, simulate, call, told)
     return result
 

@@ -123,7 +123,7 @@ def result_of(record: Recording, estimate: Estimate, timing: dict[str, float]) -
         error_at=error[rows, 0],
         state_error_at=error[rows, 1:],
         force_error_at=unsure[rows] if isinstance(rows, slice) else _of_rows(record, unsure, rows),
-        space_error_at=np.full(len(t), np.nan if mech.model.segments else 0.0),
+        space_error_at=np.full(len(t), np.nan if mech.divided else 0.0),
         header=_header(record),
         notices=(*notices(record), *estimate.notices),
         memory=record.memory or left_by(record),
