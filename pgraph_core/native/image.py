@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..analysis.assembly import assembled
 from ..dynamics.states import Sensors
 from ..engine.records import CHOSEN, GIVEN
 from ..engine.signals import NUMBER_AT
@@ -147,8 +148,9 @@ class Exported:
         """Lay out the run. Raises InputError for what cannot travel."""
         self.model, self.wanted = model, wanted
         self.mech = Mechanism(model)
-        self.method, self.setup = chosen_method(self.mech, wanted)
-        make = partial(_made, setup=self.setup)
+        self.method, setup = chosen_method(self.mech, wanted)
+        self.setup = setup = _assembled(self.mech, setup, self.method)
+        make = partial(_made, setup=setup)
         self.run: NativeRun = make(self.mech, self.method)
         fields = [opened(model, one) for one in wanted.parameters]
         found = follows(model, {self.method: self.run}, fields, make, ROUNDING)
@@ -161,6 +163,9 @@ class Exported:
         ):  # fmt: skip
             prefix = {INPUT: "inputs.", OUTPUT: "outputs."}.get(one.kind, "q.")
             name = one.name if one.name not in taken else prefix + one.name
+            if name in taken:
+                text = f"two variables would be named {name!r}; rename one of them in the model"
+                raise InputError(Problem("export", "name", text))
             taken.add(name)
             self.variables.append(one._replace(name=name))
 
@@ -394,6 +399,19 @@ def _per_second(unit: str) -> str:
     """Return the unit of a rate."""
     own, slash, below = unit.partition("/")
     return f"{own}/s^2" if below == "s" else f"{unit}/s" if own != "1" else "1/s"
+
+
+def _assembled(mech: Mechanism, setup: Setup, method: str) -> Setup:
+    """Return the setup with an initial state that meets the constraints, as a run begins.
+
+    The library moves a state by rounding alone. Raises InputError if they cannot be met.
+    """
+    run = NativeRun(mech, setup, method)
+    plan, record = run.plan, run.record
+    if not (plan.project and len(plan.active)):
+        return setup
+    q, v, found = assembled(mech, record.q, record.v, plan.active, record.scene, record.start)
+    return setup._replace(state=(q[: mech.nq], v[: mech.nv])) if found.notable else setup
 
 
 def _made(mech: Mechanism, method: str, setup: Setup) -> NativeRun:

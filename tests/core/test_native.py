@@ -238,6 +238,26 @@ def test_an_output_that_does_not_travel_is_left_out_or_refused(tmp_path):
         pg.write_c(model, tmp_path / "other", outputs=["load"])
 
 
+def test_a_loop_that_is_open_at_first_begins_closed_as_in_a_run():
+    model = load("four_bar").edit("coupler", q=load("four_bar").body("coupler").q[0] + 1e-3)
+    found = instance(model).start()
+    run = pg.simulate(model, t_end=0.1, step=1e-3, method="rk4", estimate=False)
+    assert abs(run.q[0, 1] - model.body("coupler").q[0]) > 1e-6
+    found.call("step", 100)
+    np.testing.assert_allclose(found.state, [*run.q[-1], *run.v[-1]], atol=1e-12)
+
+
+def test_names_that_coincide_are_told_apart_or_refused(tmp_path):
+    model = arm().add(pg.Output(name="hand", kind="joint_position", at="hand"))
+    names = [one.name for one in Exported(model, Wanted()).variables]
+    assert "outputs.hand" in names
+    assert len(names) == len({*names})
+    clash = model.add(pg.Output(name="outputs.hand", kind="joint_velocity", at="hand"))
+    order = clash.replace(outputs=clash.outputs[::-1])
+    with pytest.raises(pg.InputError, match=r"'outputs\.hand'"):
+        Exported(order, Wanted())
+
+
 def test_the_examples_of_a_folder_run(tmp_path):
     """The one in Python here, that in C where there is a compiler."""
     import shutil
