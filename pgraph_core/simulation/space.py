@@ -37,6 +37,8 @@ def with_space_error(
 
     `call` has the arguments of `simulate` but for the mechanism, and `said` are further notices.
     """
+    if not run.status.ok:  # where it failed, so did the segments
+        return run.with_space_error(None, said)
     mech = run.mechanism
     counts, factor = refined(mech.model.segments)
     other = divided(mech.model.described, counts)
@@ -44,7 +46,7 @@ def with_space_error(
     if isinstance(beside, str):
         return run.with_space_error(None, (*said, f"the error in space is not known: {beside}"))
     error = factor * apart(run, beside)
-    told = () if beside.status.ok or not run.status.ok else (_ended(beside),)
+    told = () if beside.status.ok else (_ended(beside),)
     return run.with_space_error(error, (*said, *told, *_rough(error, mech)))
 
 

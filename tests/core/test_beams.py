@@ -312,3 +312,10 @@ def test_a_place_is_not_drawn():
     model = pg.Mechanism(held(planar(4))).model
     assert pieces(model.body("rod"), ()) == ()
     assert len(pieces(model.body("rod[2]"), ())) > 1
+
+
+def test_a_run_that_fails_has_no_error_in_space():
+    run = pg.simulate(held(planar(8), gravity=(0, 0, -9.81)), t_end=1.0, method="rk4", step=0.02)
+    assert not run.success
+    assert np.isnan(run.space_error)
+    assert any("radau5" in text for text in run.notices)
