@@ -18,7 +18,7 @@ from ..core import cells, state
 from ..core.cells import Refusal
 from ..core.edit import ALSO, with_model
 from ..core.events import Event, FromPage, OfServer, Text, TypedText
-from ..core.jobs import Job, News, Report, Work, started
+from ..core.jobs import Job, News, Report, Work, cancelled, started
 from ..core.state import Client as Client
 from ..core.state import Names, Notice, told
 from .footfalls import Change, changes, since
@@ -444,11 +444,13 @@ def asked(state: S, before: Any) -> S:
 
 
 class Cancel(FromPage):
-    """Stop the simulation."""
+    """Stop the simulation and keep its run up to there, or drop it at the second time."""
 
     def applied(self, state: State) -> State:
         if state.job is None:
             return state
+        if state.ready and not state.job.cancelled:
+            return cancelled(state, Simulation)
         return replace(state, job=None, run_problem="The simulation was cancelled.")
 
 

@@ -78,6 +78,11 @@ def verdict(run: Run) -> tuple[str, str, str]:
     positions.
     """
     result = run.result
+    if result.status is Status.CANCELLED:
+        text = (
+            "You cancelled the rest; what there is can be played. Shift Space computes all of it."
+        )
+        return "unknown", f"Stopped at {float(result.t[-1]):.3g} s", text
     if not result.status.ok and not run.ended:
         return "failed", "Stopped early", result.message or result.status.value
     if math.isnan(float(result.error_estimate)):

@@ -18,8 +18,8 @@ from pgraph_app.model import LONG, Found, sent
 from pgraph_app.model.apart import answer
 from pgraph_app.pose import poses
 from pgraph_app.report import Report
-from pgraph_app.run import FREE_RUN, Playback, Request, Run
-from pgraph_app.run.trust import summary
+from pgraph_app.run import FREE_RUN, Playback, Request, Run, Simulation
+from pgraph_app.run.trust import summary, trust
 from pgraph_app.run.view import hints, keeps
 from pgraph_core.show.notebook import between
 
@@ -141,8 +141,24 @@ def test_a_run_is_asked_for_once_and_comes_back(state):
     assert after(state, do.Compiled("no compiler")).kernels.problem == "no compiler"
 
 
+def test_a_run_that_is_cancelled_keeps_what_there_is(state):
+    """A decision of a person was a red cross, and the frames were thrown away."""
+    state = after(state, do.SetRun(ME, 1, "step", "1e-4"), do.SetRun(ME, 2, "t_end", "20"))
+    asked = after(state, do.Simulate(ME), do.Cancel(ME))
+    assert asked.job.cancelled
+    part = Simulation.work(asked.job, lambda fraction: fraction < 0.05)
+    assert part.status is pg.Status.CANCELLED
+    done = after(asked, do.Done(asked.job.id, part))
+    assert done.job is None
+    assert done.run_problem == ""
+    assert 0.0 < done.t_end < asked.job.request.t_end
+    seal = trust(done, None, None, None)
+    assert seal["level"] == "unknown"
+    assert seal["said"] == f"Stopped at {done.t_end:.3g} s"
+
+
 def test_a_stale_result_is_dropped(state):
-    cancelled = after(state, do.Simulate(ME), do.Cancel(ME))
+    cancelled = after(state, do.Simulate(ME), do.Cancel(ME), do.Cancel(ME))
     assert cancelled.job is None
     assert cancelled.run_problem
     assert after(cancelled, do.OpenBuiltIn(ME, "serial")).run_problem == ""
