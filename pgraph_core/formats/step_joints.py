@@ -107,21 +107,12 @@ class Evidence:
 
 def merged(faces: Iterable[Face], tolerance: float) -> list[Face]:
     """Return the faces, with the parts of one cylinder, which files split, as one face."""
-    kept, groups = list[Face](), list[list[Face]]()
-    for face in faces:
-        if face.kind != "cylinder":
-            kept.append(face)
-            continue
-        for group in groups:
-            if _one_cylinder(group[0], face, tolerance):
-                group.append(_along(face, group[0]))
-                break
-        else:
-            groups.append([face])
-    for group in groups:
-        group.sort(key=lambda face: face.low)
-        run = [group[0]]
-        for face in group[1:]:
+    faces = list(faces)
+    kept = [face for face in faces if face.kind != "cylinder"]
+    for group in _cylinders([face for face in faces if face.kind == "cylinder"], tolerance):
+        along = sorted((_along(face, group[0]) for face in group), key=lambda face: face.low)
+        run = [along[0]]
+        for face in along[1:]:
             if face.low <= max(x.high for x in run) + tolerance:
                 run.append(face)
             else:
@@ -131,13 +122,27 @@ def merged(faces: Iterable[Face], tolerance: float) -> list[Face]:
     return kept
 
 
-def _one_cylinder(a: Face, b: Face, tolerance: float) -> bool:
-    if a.side != b.side or abs(a.radius - b.radius) > tolerance:
-        return False
-    return (
-        np.linalg.norm(np.cross(a.axis, b.axis)) * max(abs(b.low), abs(b.high)) <= tolerance
-        and np.linalg.norm(np.cross(a.axis, b.point - a.point)) <= tolerance
-    )
+def _cylinders(faces: Sequence[Face], tolerance: float) -> Iterator[list[Face]]:
+    """Yield the faces on each cylinder: of one axis, radius and side."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import KDTree
+
+    if not faces:
+        return
+    axes, points = (np.array([getattr(face, x) for face in faces]) for x in ("axis", "point"))
+    corners = np.array([face.box for face in faces])
+    start, size = corners.mean(axis=(0, 1)), float(np.ptp(corners, axis=(0, 1)).max())
+    out = points - start
+    feet = out - np.einsum("ni,ni->n", out, axes)[:, None] * axes
+    ways = (axes[:, :, None] * axes[:, None, :]).reshape(-1, 9) * size  # the same for both signs
+    rest = np.array([(face.radius, face.side * size) for face in faces])
+    pairs = KDTree(np.hstack((feet, ways, rest))).query_pairs(4 * tolerance, output_type="ndarray")
+    joined = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(faces), len(faces)))
+    _, labels = connected_components(joined, directed=False)
+    order = np.argsort(labels, kind="stable")
+    for group in np.split(order, np.flatnonzero(np.diff(labels[order])) + 1):
+        yield [faces[k] for k in group]
 
 
 def _along(face: Face, first: Face) -> Face:

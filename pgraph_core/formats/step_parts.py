@@ -20,13 +20,13 @@ from ..errors import FileError, Problem, needed
 from ..markup import content_of, reason_of
 from ..mesh_files import UNITS
 from ..model.files import kept_mesh
-from ..tolerances import COINCIDENT, NOTABLE, SOLVED, TOUCHING
+from ..tolerances import COINCIDENT, NOTABLE, TOUCHING
 from .conversion import DENSEST, Kind
 from .step_joints import Array, Face
 
 MILLIMETRE = UNITS["mm"]
 EXTRA = "cad"
-PRECISION = SOLVED  # relative, of the integrals over each face
+PRECISION = NOTABLE**2  # relative, of the integrals over each face
 UNITS_OF_STEP = {  # names of units [m]
     "millimetre": 0.001, "centimetre": 0.01, "metre": 1.0, "inch": 0.0254, "foot": 0.3048,
 }  # fmt: skip
@@ -110,19 +110,32 @@ class _Solids:
     com: Array = field(default_factory=lambda: np.zeros(3))
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
     chord: float = 0.0
+    bare: int = 0  # faces that could not be meshed
 
     def __post_init__(self) -> None:
         self._measure()
         from OCP.Bnd import Bnd_Box
+        from OCP.BRepAdaptor import BRepAdaptor_Surface
         from OCP.BRepBndLib import BRepBndLib
         from OCP.BRepMesh import BRepMesh_IncrementalMesh
+        from OCP.GeomAbs import GeomAbs_SurfaceType
+        from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters
 
         around = Bnd_Box()
         BRepBndLib.AddOptimal_s(self.shape, around, False, False)
         corners = np.array([x.Coord() for x in (around.CornerMin(), around.CornerMax())])
         reach = float(np.max(corners[1] - corners[0]))
         self.chord = CHORD * reach * MILLIMETRE
-        BRepMesh_IncrementalMesh(self.shape, CHORD * reach, False, 2 * math.pi / SIDES)
+        how = IMeshTools_Parameters()
+        how.Deflection, how.Angle = CHORD * reach, 2 * math.pi / SIDES
+        # of planes with many holes, the default takes time of their second power; the other one
+        # fails on curved faces
+        how.MeshAlgo = IMeshTools_MeshAlgoType.IMeshTools_MeshAlgoType_Delabella
+        for face in _each(self.shape, "FACE"):
+            if BRepAdaptor_Surface(face).GetType() == GeomAbs_SurfaceType.GeomAbs_Plane:
+                BRepMesh_IncrementalMesh(face, how)
+        how.MeshAlgo = IMeshTools_MeshAlgoType.IMeshTools_MeshAlgoType_Watson
+        BRepMesh_IncrementalMesh(self.shape, how)
 
     def _measure(self) -> None:
         from OCP.BRepGProp import BRepGProp
@@ -155,6 +168,7 @@ class _Solids:
             place = TopLoc_Location()
             mesh = BRep_Tool.Triangulation_s(face, place)
             if mesh is None:
+                self.bare += 1
                 continue
             nodes = [mesh.Node(k).Coord() for k in range(1, mesh.NbNodes() + 1)]
             rows = [mesh.Triangle(k).Get() for k in range(1, mesh.NbTriangles() + 1)]
@@ -444,7 +458,11 @@ class _Assembly:
             bare = BRepBuilderAPI_Transform(bare, transform, True).Shape()
             turn, at, key = np.eye(3), np.zeros(3), (*key, tuple(at))
         if key not in self._known:
-            self._known[key] = _Solids(bare, name)
+            self._known[key] = made = _Solids(bare, name)
+            count = len(made.surfaces) + made.bare
+            if made.bare:
+                text = f"{made.bare} of its {count} faces cannot be meshed: it is drawn with holes"
+                self.notes.append(("approximated", name, text))
         return self._known[key], turn, at * MILLIMETRE
 
     def _colour(self, labels: Any, shape: Any) -> tuple[float, float, float] | None:
