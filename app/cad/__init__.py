@@ -74,7 +74,7 @@ def _found(name: str, content: str, _: Any) -> Found:
     return Found(opened=opened, report=report, value=found)
 
 
-def _opened(client: int, name: str, state: State, done: ErrandDone) -> State:
+def _opened(client: int, name: str, state: Any, done: ErrandDone) -> Any:
     found, before = done.found.value, state.model
     state = shown_model(state, client, name, done.found.opened, done.problem)
     if found is None or state.model is before or client not in state.clients:

@@ -3,6 +3,9 @@
 Only `parts_of` imports the library, which takes seconds and 400 MB: call it in a child process.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# (the library has no types)
+
 from __future__ import annotations
 
 import math
@@ -212,6 +215,7 @@ def _face(shape: Any, points: Array, rows: Array, chord: float) -> Face | None:
     known = _elementary(shape, chord * NOTABLE / CHORD / MILLIMETRE)
     if known is None:
         return None
+    kind: Any
     kind, solid, exact = known
     frame = solid.Position()
     at = solid.Apex() if kind == "cone" else frame.Location()
