@@ -134,6 +134,7 @@ class State(model_.State):
 
 
 PLACES = [(field, axis) for field in ("com", "link") for axis in range(3)]
+UNKNOWN = {"damping", "stiffness", "friction"}  # are asked for where they are zero
 Words = str | tuple[str | int, ...]
 OF_BODY: list[tuple[str | int, ...]] = [("mass",), ("damping",), ("stiffness",), *PLACES]
 
@@ -182,13 +183,17 @@ def numbers_of(model: pg.Model) -> dict[str, Number]:
 
 
 def _with_effect(model: pg.Model, text: str, words: Words) -> Path | None:
-    """Return the path to a number, or None if there is none or it is zero, without effect."""
+    """Return the path to a number, or None if there is none or it is zero, without effect.
+
+    Of a damping, stiffness or friction of zero, a search asks how large it is.
+    """
     try:
         path = Path(model, words)
         value = path.present
     except pg.PgraphError:
         return None
-    return path if value == value and (value or text.startswith("q.")) else None
+    unknown = text.startswith("q.") or not UNKNOWN.isdisjoint(text.split("."))
+    return path if value == value and (value or unknown) else None
 
 
 def _paths(model: pg.Model) -> dict[str, Words]:
@@ -307,9 +312,14 @@ class FreeNumber(FromPage):
 
 
 def _bounds(path: str, present: float) -> tuple[float, float]:
-    """Return a tenth and ten times of a number, or one to each side of an initial coordinate."""
+    """Return a tenth and ten times of a number, or one to each side of an initial coordinate.
+
+    A number that is zero may become one.
+    """
     if path.startswith("q."):
         return present - 1.0, present + 1.0
+    if present == 0.0:
+        return 0.0, 1.0
     return min(present / 10.0, 10.0 * present), max(present / 10.0, 10.0 * present)
 
 

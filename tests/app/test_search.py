@@ -284,3 +284,14 @@ def test_a_unit_of_another_kind_is_refused():
 def test_a_fit_whose_residuals_are_of_the_size_of_the_data_is_called_bad():
     found = searches(fitted(in_degrees(curves(), "angle")))["found"]
     assert found["title"].startswith("Bad fit")
+
+
+def test_a_damping_of_zero_is_offered_and_found():
+    """One had to guess a value first: the list was empty."""
+    state = after(begun(pendulum(damping=0.0)), do.OpenData(ME, "swing.csv", curves()))
+    assert state.model.body("rod").damping == (0.0,)
+    (path,) = (p for p in listed(state).choices.found.numbers if "damping" in p)
+    state = after(state, do.MatchColumn(ME, 1, "angle", "rod"), do.FreeNumber(ME, path, True))
+    assert (state.searching.free[0].low, state.searching.free[0].high) == (0.0, 1.0)
+    (row,) = searches(searched(state)[0])["found"]["rows"]
+    assert (row["before"], row["found"]) == (0.0, pytest.approx(0.05, rel=0.1))
