@@ -103,7 +103,9 @@ pgraph.files = (() => {
     event.preventDefault();
     const files = [...event.dataTransfer.files];
     if (files.length > 1) {
-      pgraph.toast(`${files.length} files were dropped; one is opened at a time.`);
+      pgraph.toast(
+        `${files.length} files were dropped; one is opened at a time. Drop a model and its mesh files as one .zip.`,
+      );
       return;
     }
     read(files[0]);

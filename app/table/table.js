@@ -107,7 +107,7 @@ pgraph.table = (() => {
   }
   function pick(name) {
     anchor = name;
-    if (selected().length === 1 && selected()[0] === name) return;
+    // also if it is selected already: it closes the form of a connection
     pgraph.latest.selected = [name]; // keys may repeat before the answer is here
     pgraph.latest.selection = name;
     pgraph.send("Select", { body: name });

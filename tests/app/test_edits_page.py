@@ -3,13 +3,14 @@
 from itertools import pairwise
 from typing import Any
 
+from pgraph_app.constraints.update import AddPart
 from pgraph_app.model import Undo
 from pgraph_app.properties.update import EditBodies
 from pgraph_app.server import Server
 from pgraph_app.table import Duplicate
 
 from .conftest import NOBODY, settled, until
-from .on_page import client_of, drawn, frames
+from .on_page import choose_body, client_of, drawn, frames, row
 
 WATCH = """() => {
   window.touched = [];
@@ -90,3 +91,17 @@ def test_a_body_that_comes_again_compiles_no_shader_again(page: Any, served: Ser
         frames(page, 20)
         linked.append(page.evaluate("linked"))
     assert any(before == after for before, after in pairwise(linked)), linked
+
+
+def test_a_click_on_the_row_of_a_body_shows_it_also_if_a_connection_is_open(page, served):
+    """The form of a connection stayed when its body was selected before."""
+    choose_body(page, "thigh")
+    client = client_of(served)
+    served.send(AddPart(client, "forces", "motor", "thigh"))
+    page.wait_for_function("document.querySelector('[data-view=part] .field')?.checkVisibility()")
+    page.evaluate("pgraph.front('Bodies')")
+    row(page, "thigh").locator("td.number").click()
+    page.wait_for_function(
+        "!document.querySelector('[data-view=part] .field')?.checkVisibility()"
+        " && pgraph.latest.properties.bodies.join() === 'thigh'"
+    )
