@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_app.cli import main
 from pgraph_core.children import Child
 from pgraph_core.formats import step
 from pgraph_core.formats.step_joints import KINDS
@@ -430,3 +431,22 @@ def test_kinds_are_checked_when_a_joint_is_changed(tmp_path):
         assert report.joints[0].changed(kind).kind == kind
     with pytest.raises(pg.InputError, match=r"base and crank.*revolute.*'hinge'"):
         report.joints[0].changed("hinge")
+
+
+def test_the_command_line_lists_and_accepts_joints(tmp_path, capsys):
+    path, out = made.write(tmp_path / "a.step", made.four_bar()[0]), tmp_path / "a.json"
+    assert main(["convert", str(path), str(out)]) == 0
+    assert "4 revolute between 'coupler' and 'rocker'" in capsys.readouterr().out
+    assert {body.joint for body in pg.load(out, roots=[tmp_path]).bodies} == {"free"}
+    words = "--accept --joints 4=cylindrical --fixed base --density 2700 --density crank=7850"
+    assert main(["convert", str(path), str(out), *words.split()]) == 0
+    assert "1 degree of freedom" in capsys.readouterr().out
+    model = pg.load(out, roots=[tmp_path])
+    assert [c.kind for c in model.constraints] == ["cylindrical"]
+    volume = next(part.volume for part in parts_of(path).parts if part.name == "crank")
+    assert model.body("crank").mass == pytest.approx(7850 * volume)
+    for more, fact in (("--joints 9", "4 joints"), ("--joints 1=hinge", "revolute")):
+        assert main(["convert", str(path), str(out), *more.split()]) != 0
+        assert fact in capsys.readouterr().err
+    assert main(["convert", str(out), str(tmp_path / "b.json"), "--accept"]) != 0
+    assert "STEP" in capsys.readouterr().err
