@@ -127,7 +127,7 @@ pgraph.curves = (() => {
     ((value - seen[i - 1][1]) / (seen[i][1] - seen[i - 1][1])) * (seen[i][0] - seen[i - 1][0]);
 
   // Overshoot and settling time of a step. It has settled if its last part varies by less than BAND of its way from the start
-  // to the mean of that part. Where it returns to its start there is none.
+  // to the mean of that part. Where it returns to its start, as after an impulse, the way is its largest swing, without overshoot.
   function stepped(seen, { low, high }) {
     const [start, value] = seen[0],
       end = seen.at(-1)[0];
@@ -138,11 +138,11 @@ pgraph.curves = (() => {
         end,
       ),
     );
+    if (high === low) return null;
     const way = last.mean - value,
-      size = Math.abs(way),
-      spread = last.high - last.low,
-      least = BAND * (high - low);
-    if (size <= least && spread <= least) return null;
+      returns = Math.abs(way) <= BAND * (high - low),
+      size = returns ? high - low : Math.abs(way),
+      spread = last.high - last.low;
     if (spread > BAND * size) return { settled: false };
     const band = BAND * size,
       out = seen.findLastIndex(([, v]) => Math.abs(v - last.mean) > band);
@@ -150,7 +150,7 @@ pgraph.curves = (() => {
     return {
       settled: true,
       final: last.mean,
-      overshoot: Math.max(0, way > 0 ? high - last.mean : last.mean - low) / size,
+      overshoot: returns ? null : Math.max(0, way > 0 ? high - last.mean : last.mean - low) / size,
       time: crossing(seen, out + 1, edge) - start,
     };
   }

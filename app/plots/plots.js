@@ -464,7 +464,7 @@
       return [
         one.label,
         ...[low, high, mean, rms].map(sure),
-        said(() => `${few(100 * step.overshoot)} %`),
+        said(() => (step.overshoot === null ? "–" : `${few(100 * step.overshoot)} %`)),
         said(() => `${few(step.time)} s`),
         often === null ? "–" : `${few(often)} Hz`,
       ];

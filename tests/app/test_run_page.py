@@ -253,7 +253,13 @@ def test_the_ruler_names_a_step_and_a_frequency_only_where_there_is_one(rods):
             10 / (2 * math.pi), rel=1e-3
         )
         assert said("sine", 300, 1.2, **shape)["frequency"] is None  # two periods, in part beyond
-        assert said("pulse", 900, 9.0, **shape)["step"] is None  # it returns to where it began
+        found = said("pulse", 2000, 9.0, **shape)["step"]  # it returns to where it began
+        t = np.linspace(0.0, 9.0, 90_001)
+        y = np.exp(-2.5 * t) * np.sin(10 * math.sqrt(1 - 0.25**2) * t)
+        late = t[np.flatnonzero(np.abs(y) > 0.02 * np.ptp(y))[-1]]
+        assert found["settled"]
+        assert found["overshoot"] is None
+        assert found["time"] == pytest.approx(late, rel=0.01)
 
 
 @pytest.mark.nightly
