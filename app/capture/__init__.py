@@ -178,8 +178,6 @@ def no_band(fitted: Fitted) -> str:
     motion = fitted.motion
     if not isinstance(motion, pg.Tracking):
         return "A band needs markers, whose residuals show their errors."
-    if motion.v is not None:
-        return "A smoothed motion has no band."
     return "A model with closed loops has no band." * bool(len(motion.mechanism.packed.active))
 
 

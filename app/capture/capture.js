@@ -46,7 +46,11 @@
       "Smooth the whole trial",
       "All frames at once, with a penalty on the jerk",
     );
-    const band = tick("band", "95 % band", "By the errors of markers and the choice of the filter");
+    const band = tick(
+      "band",
+      "95 % band",
+      "Of the moments of the motion itself, by the errors of markers",
+    );
     host.pgraphCells = { up, units, mass, cutoff, smooth, band };
     host.replaceChildren(
       make(

@@ -1,9 +1,6 @@
 """Joint moments of a tracked motion with force plates, and their 95 % band.
 
-M v' + C = τ + Jᵀ w of the plates. The band has the errors of markers, which the residuals of the
-tracking show with their correlation in time, carried through the filter and the dynamics to first
-order; and the effect of a cut-off frequency that is 1 Hz higher or lower, beyond what noise alone
-explains.
+M v' + C = τ + Jᵀ w of the plates. The band is that of `band`, whatever the filter.
 """
 
 from __future__ import annotations
@@ -11,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -20,19 +16,18 @@ from ..analysis.mobility import complement, judged
 from ..analysis.rows import Rows
 from ..dynamics.arguments import wrong_type
 from ..dynamics.many import motions, plan, torques
-from ..errors import choices, counted, explained, needed, refusal, shown
+from ..errors import choices, counted, explained, needed, percent, refusal, shown
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..result.columns import Column, coordinates
-from ..tolerances import NOTABLE, step_of_differences
-from .filters import Sampled, checked, moved, operators
-from .markers import Progress, advanced, tell
-from .tracking import Tracking, to_csv
+from ..tolerances import NOTABLE
+from .band import band as band_of
+from .filters import Sampled, checked, moved
+from .markers import Progress, tell
+from .tracking import Tracking, followed, to_csv
 from .trial import Array, Plate, Trial, known
 
-WIDE = NormalDist().inv_cdf(0.975)  # standard errors of a 95 % band
 AUTO = "auto"  # the body that is nearest to a plate while it is loaded
-BESIDE = 1  # [Hz] by which the cut-off of the band differs
 
 
 @explained
@@ -140,8 +135,8 @@ def joint_moments(
     order : int
         Order of the filter, which acts forward and backward.
     band : bool
-        Whether to compute the 95 % band, of the errors of markers that residuals show, and of a
-        cut-off 1 Hz higher or lower.
+        Whether to compute the 95 % band of the moments of the motion itself, by the errors of
+        markers that residuals show. Filtered moments outside of it have lost part of the motion.
     actuated : sequence of str, optional
         With closed loops, names of the bodies whose joints have torques. By default, all.
     progress : callable, optional
@@ -171,8 +166,8 @@ def joint_moments(
     if q.shape != (len(trial.t), mech.nq):
         text = f"has {q.shape[1]} coordinates, and the model {mech.nq}: is it of this model?"
         raise refusal("joint_moments", "fit", text)
-    if band and (not isinstance(fit, Tracking) or len(mech.packed.active) or fit.v is not None):
-        text = "needs a motion of pg.track that is not smoothed, of a model without closed loops"
+    if band and (not isinstance(fit, Tracking) or len(mech.packed.active)):
+        text = "needs a motion of pg.track, of a model without closed loops"
         raise refusal("joint_moments", "band", f"{text}; give band=False")
     own = fit if isinstance(fit, Tracking) else None
     smooth = own is not None and own.v is not None
@@ -195,12 +190,11 @@ def joint_moments(
         text = "is for closed loops; every joint of a tree has the torque that it needs"
         raise refusal("joint_moments", "actuated", text)
     tell(progress, 1 / 2)
-    low = high = None
+    low, high, names, root = None, None, _names(mech), _root(mech)
     if band and own:
-        half = _half_width(loads, own, sampled, frequency, order, progress)
-        low, high = tau - half, tau + half
+        low, high = band_of(mech, own if own.v is None else followed(own), loads.torques, progress)
+        report += _outside(names, tau, low, high)
     tell(progress, 1.0)
-    names, root = _names(mech), _root(mech)
     weight = sum(b.mass for b in mech.model.bodies) * float(np.linalg.norm(mech.model.gravity))
     arm = np.where(mech.packed.slides, 1.0, mech.packed.length)[root]
     share = tau[:, root] / (arm * weight) if weight else np.zeros((len(t), len(root)))
@@ -208,6 +202,16 @@ def joint_moments(
         mech, t, *sampled, tau, names, low, high, loads.external(sampled.x),
         tuple(names[i] for i in root), share, loads.told(sampled.x), tuple(report),
     )  # fmt: skip
+
+
+def _outside(names: Sequence[str], tau: Array, low: Array, high: Array) -> list[str]:
+    """Return a sentence on moments that are outside of their band in more than 5 % of frames."""
+    share = ((tau < low) | (tau > high)).mean(axis=0)
+    found = [f"{name} in {percent(x)}" for name, x in zip(names, share) if x > 1 / 20]
+    if not found:
+        return []
+    return [f"the filter takes part of the motion or leaves noise, outside of the band: "
+            f"{choices(found, 12)} of frames; smooth=True of pg.track needs no filter"]  # fmt: skip
 
 
 def _names(mech: Mechanism) -> tuple[str, ...]:
@@ -403,81 +407,3 @@ def _in_loops(
             text += f"t = {loads.t[k]:g} s; name more joints"
             raise refusal("joint_moments", "actuated", text)
     return sampled, tau
-
-
-# -- the band --------------------------------------------------------------------------------------
-
-
-def _half_width(
-    loads: _Loads,
-    fit: Tracking,
-    sampled: Sampled,
-    cutoff: float,
-    order: int,
-    progress: Progress,
-) -> Array:
-    """Return the half width (n, nv) of the 95 % band."""
-    mech, t = loads.mech, loads.t
-    slopes, alike = _slopes(loads, sampled), _alike(fit)
-    variance = _variance(slopes, operators(t, cutoff, order), fit.covariance, alike)
-    tell(progress, 3 / 4)
-    if np.isinf(cutoff):
-        return WIDE * np.sqrt(variance)
-    most = (len(t) - 1) / (t[-1] - t[0]) / 2
-    ends = max(cutoff - BESIDE, cutoff / 2), min(cutoff + BESIDE, (cutoff + most) / 2)
-    low, high = (loads.torques(moved(mech, t, fit.q, end, order)) for end in ends)
-    pair = [operators(t, end, order) for end in ends]
-    apart = Sampled(*((b - a) / 2 for a, b in zip(*pair)))
-    noise = _variance(slopes, apart, fit.covariance, alike)
-    return np.sqrt(WIDE**2 * variance + np.maximum((high - low) ** 2 / 4 - noise, 0.0))
-
-
-def _alike(fit: Tracking) -> Array:
-    """Return the correlation (n, n) of errors in two frames, by the residuals of all markers.
-
-    It depends on the distance in time alone. An offset that stays is alike in all frames.
-    """
-    seen = np.isfinite(fit.offset[..., 0])
-    off = np.where(seen[..., None], fit.offset, 0.0) * np.sqrt(fit.weights)[:, None]
-    found = np.zeros(len(off))
-    for lag in range(len(off)):
-        pairs = (seen[lag:] & seen[: len(seen) - lag]).sum()
-        found[lag] = (off[lag:] * off[: len(off) - lag]).sum() / max(pairs, 1)
-    found = found / found[0] if found[0] > 0.0 else np.eye(1, len(off))[0]
-    return found[np.abs(np.subtract.outer(np.arange(len(off)), np.arange(len(off))))]
-
-
-def _slopes(loads: _Loads, sampled: Sampled) -> tuple[Array, Array, Array]:
-    """Return ∂τ/∂q, ∂τ/∂v and M (n, nv, nv) by central differences, in displacements along v."""
-    mech, (q, v, a) = loads.mech, sampled
-    n, nv = len(q), mech.nv
-    h = step_of_differences(2)
-    each = np.repeat(np.eye(nv), n, axis=0)  # (nv n, nv)
-    far = [np.tile(x, (nv, 1)) for x in (q, v, a)]
-
-    def by(change: Any) -> Array:
-        ends = [loads.torques(change(side)) for side in (h, -h)]
-        return ((ends[0] - ends[1]) / (2 * h)).reshape(nv, n, nv).transpose(1, 2, 0)
-
-    return (
-        by(lambda s: Sampled(advanced(mech, far[0], s * each), far[1], far[2])),
-        by(lambda s: Sampled(far[0], far[1] + s * each, far[2])),
-        by(lambda s: Sampled(far[0], far[1], far[2] + s / h * each)) * h,
-    )
-
-
-def _variance(
-    slopes: tuple[Array, Array, Array], by: Sampled, covariance: Array, alike: Array
-) -> Array:
-    """Return the variances (n, nv) of torques.
-
-    Those of positions (n, nv, nv), and their correlation `alike` (n, n) between frames, pass
-    through the filter, and through the dynamics at each frame.
-    """
-    found = np.zeros(slopes[0].shape[:2])
-    for one, of_one in zip(slopes, by):
-        spread = one @ covariance
-        for other, of_other in zip(slopes, by):
-            size = ((of_one @ alike) * of_other).sum(axis=1)
-            found += size[:, None] * (spread * other).sum(axis=2)
-    return np.maximum(found, 0.0)

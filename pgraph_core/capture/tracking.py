@@ -193,6 +193,21 @@ def track(
     return _answer(problem, found, v, vdot, chosen)
 
 
+def followed(fit: Tracking) -> Tracking:
+    """Return the motion that follows the markers of a smoothed one, each frame alone."""
+    mech, sites = fit.mechanism, {s.name: s for s in fit.mechanism.model.sites}
+    number = mech.topology.number
+    problem = Markers(
+        mech, fit.trial, fit.markers,
+        np.array([number(sites[x].body) - 1 for x in fit.markers]),
+        np.array([sites[x].point for x in fit.markers], float),
+        np.zeros_like(fit.offset), fit.weights, [],
+    )  # fmt: skip
+    problem.place = problem.points(fit.q)[1] - fit.offset
+    q, _ = problem.descended(fit.q.copy(), np.arange(len(fit.q)))
+    return _answer(problem, q, None, None, None)
+
+
 def _answer(problem: Markers, q: Array, v: Any, vdot: Any, smooth: float | None) -> Tracking:
     """Return the result, with what the markers do not determine and what is odd."""
     cost, g, H, _ = problem.normal(q, np.arange(len(q)))

