@@ -228,9 +228,9 @@ def _over(found: Linearisation, densities: Array, h: float) -> tuple[Array, Arra
     """Return (A, B, Q) over the time h, with white torques of these densities [Van Loan 1978]."""
     n, pushes = len(found.A), found.B * densities
     both = np.block([[-found.A, pushes @ pushes.T], [np.zeros((n, n)), found.A.T]])
-    blocks = expm(both * h)
+    blocks: Any = expm(both * h)
     A = blocks[n:, n:].T
     Q = A @ blocks[:n, n:]
     nv = found.B.shape[1]
-    held = expm(h * np.block([[found.A, found.B], [np.zeros((nv, n + nv))]]))
+    held: Any = expm(h * np.block([[found.A, found.B], [np.zeros((nv, n + nv))]]))
     return A, held[:n, n:], 0.5 * (Q + Q.T)

@@ -120,7 +120,7 @@ def sample_times(given: Imperfect, start: float, end: float) -> tuple[NDArray[np
     near = ROUNDING * max(abs(start), abs(end))
     first, last = math.ceil((start - near) / given.sample), math.floor((end + near) / given.sample)
     k = np.arange(first, last + 1, dtype=np.int64)
-    return k, k * given.sample
+    return k, k.astype(float) * given.sample
 
 
 def reading_times(given: Imperfect, start: float, end: float) -> Array:
