@@ -15,6 +15,7 @@ from pgraph_core.numbering import children_of
 from pgraph_core.show import shapes
 from pgraph_core.show.bodies import Look, extent, looks
 
+from ..core.state import of_model
 from .footfalls import Change, changes
 
 TRAVELS = 1.0  # a picture of all of a longer way shows the model at less than half its size
@@ -65,6 +66,25 @@ def first_request(model: pg.Model) -> Request:
     if not model.scenarios:
         return Request()
     return Request.of(model.scenarios[0])
+
+
+@of_model
+def led(model: pg.Model) -> np.ndarray:
+    """Return the indices of the bodies that a camera follows: the heaviest tree whose root is free.
+
+    These are all bodies of a model without one.
+    """
+    top = pg.Topology.of(model)
+    parent = top.parent.tolist()
+    root = list(range(len(parent)))
+    for k, p in enumerate(parent):  # parents have smaller numbers
+        root[k] = k if p == 0 else root[p - 1]
+    mass = [0.0] * len(parent)
+    for k, name in enumerate(top.names):
+        mass[root[k]] += model.body(name).mass
+    free = [k for k in set(root) if model.body(top.names[k]).floats]
+    best = max(free, key=lambda k: (mass[k], -k), default=None)
+    return np.array([k for k in range(len(parent)) if best in (None, root[k])], dtype=int)
 
 
 @dataclass(frozen=True)
@@ -120,17 +140,17 @@ class Run:
             return np.zeros((0, 3))
         few = pose[np.linspace(0, len(pose) - 1, MOMENTS).astype(int)]
         boxes = [p[:, :3] if len(p) > FEW else self._corners(p) for p in few]
-        gone = self.travels * few[:, :, :3].mean(axis=1)
+        gone = self.travels * few[:, led(self.model), :3].mean(axis=1)
         corners = np.concatenate([box - way for box, way in zip(boxes, gone)])
         fits = np.ptp(corners, axis=0).max() <= IN_PLACE * self.size  # False for nan
         return corners if fits else np.zeros((0, 3))
 
     @cached_property
     def travels(self) -> np.ndarray:
-        """Return an array (3,) with 1 for each axis along which the centre travels more than
-        TRAVELS times `size`, and 0 otherwise."""
+        """Return an array (3,) with 1 for each axis along which the centre of what is followed
+        travels more than TRAVELS times `size`, and 0 otherwise."""
         pose = np.asarray(self.result.body_pose)
         if not pose.size:
             return np.zeros(3)
-        way = np.ptp(pose[:, :, :3].mean(axis=1), axis=0)
+        way = np.ptp(pose[:, led(self.model), :3].mean(axis=1), axis=0)
         return (way > TRAVELS * self.size).astype(float)

@@ -13,7 +13,7 @@ from pgraph_core.show.stage import FRAMING, GRID, Viewpoint, in_picture
 from ..core.bridge import Bridge
 from ..core.views import requests
 from ..pose import poses
-from ..run.runs import FEW
+from ..run.runs import FEW, led
 from . import Client, State, View, marks, ties
 from .marks import looks
 
@@ -280,10 +280,11 @@ def followed(state: State) -> tuple[float, float, float]:
     """
     along = travelled(state)
     home = np.asarray(state.derived.positions)
-    x, y, z = along * (middle(state) - home.mean(axis=0)) if along.any() else along
+    start = home[led(state.model)].mean(axis=0) if along.any() else home
+    x, y, z = along * (middle(state) - start) if along.any() else along
     return round(float(x), 6), round(float(y), 6), round(float(z), 6)
 
 
 def middle(state: State) -> np.ndarray:
-    """Return the mean (3,) of the origins of the bodies as drawn."""
-    return np.asarray(poses(state)[0]).mean(axis=0)
+    """Return the mean (3,) of the origins of the bodies that the camera follows, as drawn."""
+    return np.asarray(poses(state)[0])[led(state.model)].mean(axis=0)

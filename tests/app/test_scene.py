@@ -18,7 +18,7 @@ from pgraph_app.pose import solving as posing
 from pgraph_app.pose.solving import WEIGHTS, pull_force
 from pgraph_app.pose.update import rounded
 from pgraph_app.pose.view import joints
-from pgraph_app.run.runs import TRAVELS
+from pgraph_app.run.runs import TRAVELS, led
 from pgraph_app.scene import camera, marks, ties
 from pgraph_app.scene.nodes import BatchedBodies, SeparateBodies
 from pgraph_app.table.view import table
@@ -545,3 +545,25 @@ def test_shapes_are_drawn_in_their_own_colours(server):
     BatchedBodies(server, lambda *_: None, lambda *_: None).show(first)
     np.testing.assert_array_equal(nodes["/bodies/box"].batched_colors, [plain])
     np.testing.assert_array_equal(nodes["/bodies/sphere"].batched_colors, [own])
+
+
+def test_a_camera_follows_the_heaviest_free_tree_alone():
+    """One hinge on the ground halved the way of the camera, and the dog left the middle."""
+    round_ = {"inertia": (0.01, 0.01, 0.01)}
+    ball = pg.Body(
+        name="ball", joint="free", mass=2.0, v=(0, 0, 0, 5, 0, 0), tip=(0.1, 0, 0), **round_
+    )
+    tail = pg.Body(name="tail", parent="ball", mass=0.1, link=(0.1, 0, 0), **round_)
+    light = pg.Body(name="dust", joint="free", mass=0.1, **round_)
+    hinge = pg.Body(name="door", mass=9.0, **round_)
+    alone = pg.Model(bodies=(ball, tail), gravity=(0, 0, 0))
+    model = pg.Model(bodies=(hinge, light, ball, tail), gravity=(0, 0, 0))
+    assert [pg.Topology.of(model).names[k] for k in led(model)] == ["ball", "tail"]
+    assert len(led(pg.Model.serial(3))) == 3
+    ways = []
+    for each in (alone, model):
+        done = pg.simulate(each, t_end=1.0, step=1e-2)
+        state = after(ran(begun(each), done), do.Scrub(ME, 1.0))
+        ways.append(camera.followed(state))
+    assert ways[0][0] == pytest.approx(5.0, abs=0.1)
+    assert ways[1] == pytest.approx(ways[0])
