@@ -215,8 +215,8 @@ def fmi2(fmu: Fmu) -> bytes:
                          ("InitialUnknowns", fmu.unknowns)):  # fmt: skip
         inside = Xml.SubElement(structure, tag) if numbers else structure
         for k in numbers:
-            one: dict[str, Any] = {"index": str(k + 1)}
+            unknown: dict[str, Any] = {"index": str(k + 1)}
             if tag != "InitialUnknowns":
-                one["dependencies"] = " ".join(str(x + 1) for x in fmu.dependencies(k))
-            Xml.SubElement(inside, "Unknown", one)
+                unknown["dependencies"] = " ".join(str(x + 1) for x in fmu.dependencies(k))
+            Xml.SubElement(inside, "Unknown", unknown)
     return written(root)
