@@ -86,7 +86,7 @@ def kalman(
     --------
     >>> noisy = pg.Imperfect(sample=0.01, density=1e-3)
     >>> angle = pg.Output(name="angle", kind="joint_position", at="rod", imperfect=noisy)
-    >>> pg.kalman(pg.load("pendulum").add(angle), ["angle"], 0.1).K.shape
+    >>> pg.kalman(pg.load("pendulum").add(angle), ["angle"], 0.1, q={"rod": 0.0}).K.shape
     (2, 1)
     """
     model = model_of("kalman", model)
