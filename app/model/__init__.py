@@ -28,6 +28,7 @@ from ..core.cells import Refusal
 from ..core.edit import MOST_BODIES, attempted, showing
 from ..core.events import Event, FromPage, Request, Text
 from ..core.state import Notice, replied, told, with_client
+from ..run.keeping import kept
 from .archive import Several, folder_of, mesh_folder, own, read_text, unpacked
 
 
@@ -399,7 +400,7 @@ class Handed(Request):
     """A request of the model, which then has the settings of the run."""
 
     def applied(self, state: State) -> State:
-        return super().applied(run.kept(state, self.client))
+        return super().applied(kept(state, self.client))
 
 
 class Download(Handed):

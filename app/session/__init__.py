@@ -18,7 +18,7 @@ from ..core.edit import selected
 from ..core.events import Event, FromPage, Leaving, OfServer, Text
 from ..core.state import HOSTED, Notice, replied, told, with_client
 from ..plots import KINDS, Signal
-from ..run import kept
+from ..run.keeping import kept
 
 
 @dataclass(frozen=True)
