@@ -10,7 +10,9 @@ arm = pg.Beam(
 load = pg.Body(name="load", parent="arm", joint="weld", mass=0.1)
 turn = pg.Motion(name="turn", body="hub", q_of_t="=0.3*(1 - cos(6*t))")
 model = pg.Model(bodies=[hub, load], beams=[arm], constraints=[turn])
-print(f"lowest frequency {arm.lowest_frequency / 6.283:.2f} Hz, EI {arm.stiff.EI[0]:.2f} N m²")
+print(
+    f"lowest frequency {arm.lowest_frequency / 6.283:.2f} Hz, EI {arm.stiff.of('bend_y'):.2f} N m²"
+)
 
 for nodes in (4, 8, 16):
     run = pg.simulate(model.edit("arm", nodes=nodes), t_end=1.0, rtol=1e-6)

@@ -399,7 +399,7 @@ def _at(kept: Kept) -> str:
 class Handed(Request):
     """A request of the model, which then has the settings of the run."""
 
-    def applied(self, state: State) -> State:
+    def applied(self, state: Any) -> Any:
         return super().applied(kept(state, self.client))
 
 

@@ -231,10 +231,11 @@ def ground(state: State) -> float:
     d, run, up = state.derived, state.last_run, np.asarray(state.model.ground_normal)
     if not d.low or state.live is not None:
         return d.low
-    known = run is not None and run.model is state.model
-    if known and (run.travels @ up or not len(run.swept)):
+    if run is not None and run.model is not state.model:
+        run = None
+    if run is not None and (run.travels @ up or not len(run.swept)):
         return d.low
-    lowest = [float((run.swept @ up).min()) if known else low_at(state, up, d.positions, d.wxyz)]
+    lowest = [float((run.swept @ up).min()) if run else low_at(state, up, d.positions, d.wxyz)]
     if state.pose is not None:
         lowest.append(low_at(state, up, *poses(state)))
     return min(d.low, max(CLEAR * d.size - min(lowest), 0.0))

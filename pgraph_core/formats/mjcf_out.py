@@ -70,24 +70,24 @@ def write_mjcf(model: Model | Dynamics, path: str | Path) -> Report:
         If the model has a screw joint, or a free joint that is not at the root, which MJCF does not
         support. No file is written in this case.
     """
-    model = model_of("write_mjcf", model).expanded
+    whole: Model = model_of("write_mjcf", model).expanded
     path = named(path, ".xml", ".mjcf")
     if not path.parent.is_dir():
         raise FileError(Problem(str(path), "", f"the folder {path.parent} does not exist"))
-    inside = [b for b in model.bodies if b.floats and b.parent != GROUND]
+    inside = [b for b in whole.bodies if b.floats and b.parent != GROUND]
     if inside:
         text = "is free below another body; MJCF has free joints at the ground only"
         raise ModelError([Problem(f"body '{b.name}'", "joint", text) for b in inside])
-    if unknown := [(b, m.kind) for b in model.bodies for m in b.sequence if m.kind not in WORDS]:
+    if unknown := [(b, m.kind) for b in whole.bodies for m in b.sequence if m.kind not in WORDS]:
         texts = [
             f"is a {kind}, which MJCF does not have{INSTEAD.get(kind, '')}" for _, kind in unknown
         ]
         raise ModelError(
             [Problem(f"body '{b.name}'", "joint", x) for (b, _), x in zip(unknown, texts)]
         )
-    writer = _Writer(model, path)
-    tell_beams(writer.report, model)
-    bodies = gathered(model.bodies, path.parent)
+    writer = _Writer(whole, path)
+    tell_beams(writer.report, whole)
+    bodies = gathered(whole.bodies, path.parent)
     write_atomic(path, writer.text(bodies))
     return writer.report
 

@@ -53,19 +53,19 @@ def write_urdf(model: Model | Dynamics, path: str | Path) -> Report:
     ModelError
         If the model has a ball joint, which URDF does not support. No file is written in this case.
     """
-    model = model_of("write_urdf", model).expanded
+    whole: Model = model_of("write_urdf", model).expanded
     path = named(path, ".urdf")
     if not path.parent.is_dir():
         raise FileError(Problem(str(path), "", f"the folder {path.parent} does not exist"))
     found = [
         Problem(f"body '{b.name}'", "joint", f"is a {kind} motion, which URDF does not support")
-        for b in model.bodies
+        for b in whole.bodies
         for kind in sorted({kind for kind, _ in b.motions} - {*TYPES})
     ]
     if found:
         raise ModelError(found)
-    writer = _Writer(model, gathered(model.bodies, path.parent), path.name)
-    tell_beams(writer.report, model)
+    writer = _Writer(whole, gathered(whole.bodies, path.parent), path.name)
+    tell_beams(writer.report, whole)
     write_atomic(path, writer.text())
     return writer.report
 

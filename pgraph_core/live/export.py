@@ -86,7 +86,11 @@ def page(run: Result, fields: Sequence[str] = (), live: bool = True) -> str:
     wanted = [opened(model, one) for one in fields]
     engine = _engine(run, wanted) if live else _recording(run)
     drawn = _Drawing(run, wanted if engine["methods"] else ())
-    given = {"engine": engine, "scene": drawn.scene(), "recording": drawn.recording()}
+    given: dict[str, Any] = {
+        "engine": engine,
+        "scene": drawn.scene(),
+        "recording": drawn.recording(),
+    }
     given["link"] = _link(model)
     facts = _facts(run, engine)
     title = model.name or "A mechanism"

@@ -14,6 +14,7 @@ from ..pulleys import without_segment
 from ..rotation import multiply, rotate
 from ..signals import signals_in, with_names
 from ..stateful import Stateful
+from .beam import Beam
 from .body import JOINT_FIELDS, Body
 from .checks import (
     coordinate_problem,
@@ -32,6 +33,7 @@ from .scenario import Scenario, coordinates, followed, of_bodies
 
 NAMING = ("parent", "body", "other", "at")  # fields that name bodies
 T = TypeVar("T", bound=Frozen)
+Standing = TypeVar("Standing", Body, Beam)  # what hangs on a parent
 
 
 def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
@@ -361,7 +363,7 @@ def followed_tips(bodies: Sequence[Body], row: Mapping[str, int]) -> set[str]:
     }  # fmt: skip
 
 
-def attached(body: Body, gone: Mapping[str, Body]) -> Body:
+def attached(body: Standing, gone: Mapping[str, Body]) -> Standing:
     """Return a child of a removed body, moved to the next remaining ancestor at q = 0."""
     while body.parent in gone:
         parent = gone[body.parent]

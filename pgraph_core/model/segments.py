@@ -10,7 +10,7 @@ with the axes of the beam, fixed to its segment.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,7 +39,7 @@ class Cell(NamedTuple):
         return self.start + share * self.length * self.axes[:, 0]
 
 
-def place_in(name: str, beams: Mapping[str, Beam]) -> tuple[str, float] | None:
+def place_in(name: str, beams: Container[str]) -> tuple[str, float] | None:
     """Return the beam and the place from 0 to 1 that a name of a body means, or None."""
     if name in beams:
         return name, 1.0
@@ -332,6 +332,6 @@ def _drawn(beam: Beam, axes: Array, middle: Array, h: float) -> Shape:
     if beam.section is not None and beam.section[0] == "rectangle":
         size = (h, *beam.section[1:])
         return Shape(kind="box", size=size, rotation=quaternion_of(axes), **place)
-    radius = beam.extent / DRAWN if beam.section is None else beam.section[1]
+    radius = beam.extent / DRAWN if beam.section is None else float(beam.section[1])
     upright = np.column_stack((axes[:, 1], axes[:, 2], axes[:, 0]))
     return Shape(kind="capsule", radius=radius, length=h, rotation=quaternion_of(upright), **place)

@@ -43,7 +43,7 @@ class Measuring:
     t: Array
     q: Array
     v: Array
-    body_motion: BodyMotion
+    body_motion: cached_property[BodyMotion]
     contacts: ContactRecord
 
     def readings(self, outputs: Sequence[Output], /) -> dict[str, Array]:

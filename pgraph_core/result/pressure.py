@@ -21,7 +21,7 @@ class Pressing:
 
     mechanism: Mechanism
     t: Array
-    body_motion: BodyMotion
+    body_motion: cached_property[BodyMotion]
     contacts: ContactRecord
 
     @cached_property
