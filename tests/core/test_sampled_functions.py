@@ -183,7 +183,9 @@ def told(tau, **options):
     return [text for text in run.notices if "torque function" in text]
 
 
-@pytest.mark.parametrize("make", [*REMEMBERING, *OTHERS.values()], ids=repr)
+@pytest.mark.parametrize(
+    "make", [*REMEMBERING, *OTHERS.values()], ids=[*(x.__name__ for x in REMEMBERING), *OTHERS]
+)
 def test_memory_is_named_unless_the_function_is_sampled(make):
     assert "sample=" in told(make())[0]
     assert not told(make(), sample=0.02)
