@@ -18,7 +18,8 @@
       });
     const all = make("input", {
       type: "text",
-      placeholder: "all, in kg/m³",
+      className: "cell",
+      placeholder: "of all",
       "aria-label": "density of all parts",
       oninput: () => parts.forEach(({ density }) => (density.value = all.value)),
     });
@@ -34,9 +35,13 @@
         "div",
         { className: "parts" },
         make("span", { className: "muted", textContent: `${parts.length} parts` }),
-        make("span", { className: "muted", textContent: "volume" }),
+        make("span", { className: "muted", textContent: "Volume" }),
+        make("span", { className: "muted", textContent: "Density kg/m³" }),
+        make("span", { className: "muted", textContent: "Fixed" }),
+        make("span"),
+        make("span"),
         all,
-        make("span", { className: "muted", textContent: "fixed" }),
+        make("span"),
         ...parts.flatMap(({ cells }) => cells),
       ),
       make("div", {
@@ -60,6 +65,7 @@
   function partLine({ name, volume, density: given }) {
     const density = make("input", {
       type: "text",
+      className: "cell",
       value: given,
       placeholder: "1000",
       "aria-label": `density of ${name}`,
@@ -81,7 +87,11 @@
     const box = make("input", { type: "checkbox", checked: joint.selected, "aria-label": label });
     const kind = make(
       "select",
-      { "aria-label": `kind of the ${label}`, onchange: () => (box.checked = true) },
+      {
+        className: "cell",
+        "aria-label": `kind of the ${label}`,
+        onchange: () => (box.checked = true),
+      },
       ...kinds.map((name) => make("option", { textContent: name, selected: name === joint.kind })),
     );
     const show = () => send("SelectBodies", { body: second, bodies: [first, second] });
