@@ -18,7 +18,7 @@ from pgraph_core.file_kinds import ARCHIVE, KINDS, MODELS, first_element, kind_o
 from pgraph_core.formats import READERS, ROOTS, read_model, write_model
 from pgraph_core.formats.xacro import SUFFIX
 from pgraph_core.mesh_files import FORMATS
-from pgraph_core.model.files import FOLDER
+from pgraph_core.model.files import FOLDER, FOREIGN
 from pgraph_core.model.files import mesh_folder as mesh_folder
 
 from ..core.cells import Refusal
@@ -129,6 +129,9 @@ def unpacked(content: bytes, keep: Path, member: str = "") -> tuple[pg.Model, pg
             if KINDS[rank] == ARCHIVE:
                 raise Refusal(f"{name} is an archive within it; unpack that one and open it alone")
             raise Refusal(f"{name} {KINDS[rank].text}")
+        for name in sorted((*held, *others)):
+            if FOREIGN.get(name.suffix.lower()) == "step":
+                raise Refusal(f"{name} is a CAD assembly; drop it alone, without an archive")
         raise Refusal(f"it does not contain a model; models end in {MODELS}")
     chosen = [name for name in models if str(name) == member] if member else models
     if len(chosen) != 1:

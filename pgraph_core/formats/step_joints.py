@@ -38,7 +38,7 @@ class Face:
     material is inside, as in a shaft, and -1 for a bore.
     """
 
-    kind: Literal["plane", "cylinder", "cone", "sphere", "torus"]
+    surface: Literal["plane", "cylinder", "cone", "sphere", "torus"]
     point: Array
     axis: Array  # unit vector, outward for a plane
     box: Array  # (2, 3) lowest and highest corner
@@ -108,8 +108,8 @@ class Evidence:
 def merged(faces: Iterable[Face], tolerance: float) -> list[Face]:
     """Return the faces, with the parts of one cylinder, which files split, as one face."""
     faces = list(faces)
-    kept = [face for face in faces if face.kind != "cylinder"]
-    for group in _cylinders([face for face in faces if face.kind == "cylinder"], tolerance):
+    kept = [face for face in faces if face.surface != "cylinder"]
+    for group in _cylinders([face for face in faces if face.surface == "cylinder"], tolerance):
         along = sorted((_along(face, group[0]) for face in group), key=lambda face: face.low)
         run = [along[0]]
         for face in along[1:]:
@@ -163,13 +163,13 @@ def _whole(run: Sequence[Face]) -> Face:
 
 def evidence_of(a: Face, b: Face, tolerance: float) -> Evidence | None:
     """Return how two faces of two parts restrain each other, or None."""
-    if a.kind != b.kind:
+    if a.surface != b.surface:
         return None
-    if a.kind == "plane":
+    if a.surface == "plane":
         return _contact(a, b, tolerance)
     if a.side == b.side:
         return None
-    find = {"cylinder": _shaft, "sphere": _ball, "cone": _cone, "torus": _torus}[a.kind]
+    find = {"cylinder": _shaft, "sphere": _ball, "cone": _cone, "torus": _torus}[a.surface]
     return find(a, b, tolerance)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import FileError, ModelError, Problem, choices, nearest_first, shown
 from ..fields import GROUND, Frozen, OfKinds, facts
-from ..file_kinds import MINE, MODELS, first_element, is_json, kind_of
+from ..file_kinds import MINE, MODELS, first_element, is_json, is_step, kind_of
 from ..forces import Force
 from ..joints import PER_MOTION
 from ..markup import content_of, reason_of
@@ -272,7 +272,7 @@ def read(path: str | Path) -> str:
         content = content_of(path, LARGEST)
         refuse_kind(path, content)
         foreign = Path(path).suffix.lower() in FOREIGN and not is_json(content)
-        if foreign or first_element(content) in MINE:
+        if foreign or first_element(content) in MINE or is_step(content):
             raise FileError(Problem(shown_path(path), "", NOT_OURS))
         return content.decode()
     except UnicodeDecodeError as error:
