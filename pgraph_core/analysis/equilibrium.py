@@ -360,10 +360,11 @@ class _Search:
     def taken(self, new: Place) -> Place:
         """Accept the position after a step, and hold the joint stopped by its limit.
 
-        Closing the loops may have taken others off their limits.
+        Closing the loops may have taken it and others off their limits.
         """
-        self.held &= self.limited(new)
-        if self.stopper >= 0:
+        limited = self.limited(new)
+        self.held &= limited
+        if self.stopper >= 0 and limited[self.stopper]:
             self.held[self.stopper] = True
         passed = self.stops.passed(new.q) - self.holding
         self.reached = frozenset([self.stop]) if self.stop >= 0 else passed

@@ -18,7 +18,7 @@ from ..packing import Array
 from ..signals import written
 from ..tolerances import NOTABLE
 from .balance import differences, differences_in_v
-from .linear import Linearisation, linearise
+from .linear import Linearisation, linearise, names_of_moves
 
 READ_FORCES = (*OF_LOAD, *OF_CONTACT, "accelerometer")  # kinds that no state determines
 PER_QUANTUM = 12  # variance of a uniform error of width 1 is 1/12
@@ -115,7 +115,8 @@ def kalman(
     left = np.eye(len(A)) - K @ C
     covariance = left @ predicted @ left.T + K @ R @ K.T
     at = np.concatenate((np.zeros(len(A) - len(found.s)), found.s))
-    at[: len(found.coordinates)] = np.linalg.lstsq(found.moves, _places(mech, found), rcond=None)[0]
+    own = [names_of_moves(mech).index(name) for name in found.coordinates]
+    at[: len(own)] = _places(mech, found)[own]
     return Kalman(
         K, covariance, predicted, A, B, C, Q, R, tuple(names), tuple(parts), at, reading, sample,
         (*found.notices, *_left_out(wanted)),

@@ -160,7 +160,7 @@ def linearise(
         values, vectors = found
         shapes = by_place @ vectors[: len(chosen_q)]
     order = np.lexsort((-values.imag, np.round(np.abs(values), 12)))
-    names = _names(mech)
+    names = names_of_moves(mech)
     drift = np.concatenate((v[chosen_q], here.vdot[chosen_v], here.unrest[0] if nx else ()))
     states = tuple(written("x", c.name, k + 1) for c, k, _ in mech.model.states)
     return Linearisation(
@@ -232,7 +232,7 @@ def _spun(mech: Dynamics, v: Array) -> Array:
     return found
 
 
-def _names(mech: Dynamics) -> list[str]:
+def names_of_moves(mech: Dynamics) -> list[str]:
     names: list[str] = []
     for body, joint in mech.joints.items():
         count = joint.v.stop - joint.v.start

@@ -17,7 +17,7 @@ from ..signals.grammar import names_in
 from ..tolerances import SOLVED
 from .body import Body
 from .constraint import AlongAxes, Constraint
-from .expressions import texts_of
+from .expressions import named_in, texts_of
 from .inertia import inertia_problems
 from .world import DOWN
 
@@ -32,7 +32,7 @@ def doubts(model: Any) -> list[str]:
         *(f"body '{name}': {text}" for name, text in wide(bodies)), *_starts(bodies),
         *_shapes(bodies), *_axes(model.constraints, by_name), *_idle_joints(bodies),
         *_idle_forces(model, by_name), *_twice(model), *_idle_parameters(model),
-        *_untouched(model),
+        *_untouched(model), *_exact(model),
     ]  # fmt: skip
 
 
@@ -249,6 +249,17 @@ def _twice(model: Any) -> Iterator[str]:
             yield (
                 f"contacts '{one.name}' and '{other.name}' are between the same bodies, "
                 f"{' and '.join(one.pair)}, and both push; remove one"
+            )
+
+
+def _exact(model: Any) -> Iterator[str]:
+    """Yield warnings about expressions that read an imperfect output, whose value is exact."""
+    imperfect = {o.name for o in model.outputs if o.imperfect is not None}
+    for part in (*model.forces, *model.controls) if imperfect else ():
+        for name in sorted(named_in(part, "out") & imperfect):
+            yield (
+                f"{part.word()} '{part.name}' reads the exact value of output '{name}': its noise "
+                "and delay are in run.measured alone"
             )
 
 

@@ -244,6 +244,10 @@ def _wanted(
             if one.kind not in READ:
                 text = f"is of the kind {one.kind}, which does not travel"
                 report.add("left out", f"output '{one.name}'", text, part=one.name)
+    for one in model.outputs:
+        if one.imperfect is not None and one.name in outputs:
+            text = "is exact: its noise and its delay stay behind"
+            report.add("left out", f"output '{one.name}'", text, part=one.name)
     return Wanted(
         None if inputs is None else tuple(inputs), tuple(outputs), tuple(parameters), scenario,
         method, None if step is None else float(step), None if rtol is None else float(rtol),

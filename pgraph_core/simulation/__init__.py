@@ -186,7 +186,7 @@ def simulate(
     if tau is not None:
         mech, forces, tau = torques_or_drives(mech, forces, tau)
     if sample is not None:
-        refuse_unsampled(tau)
+        refuse_unsampled(tau, asked["tau"])
     memory = None
     if start is not None:
         given = {"q": q, "v": v, "states": states, "t_start": t_start or None}

@@ -18,14 +18,20 @@ from ..tolerances import ROUNDING, SOLVED
 from .run_plan import NO_TIMES
 
 
-def refuse_unsampled(tau: Any) -> None:
-    """Raise InputError if `tau` is not a function that can be called at samples."""
+def refuse_unsampled(tau: Any, given: Any) -> None:
+    """Raise InputError if `tau` is not a function that can be called at samples.
+
+    `given` is what the user gave, of which drives have become forces.
+    """
     if callable(tau) and not hasattr(tau, "acting"):
         return
-    text = f"holds the torques of a function tau=f(t, q, v), got tau={shown(tau)}; "
+    text = f"holds the torques of a function tau=f(t, q, v), got tau={shown(given)}; "
     text += "leave it out, or give the function"
-    if tau is None:
+    if given is None:
         text += ". A control of a model has its own rate, pg.Sampled(sample=...)"
+    elif hasattr(given, "drives"):
+        text = f"calls a function tau=f(t, q, v) at its rate, got a {type(given).__name__}, which "
+        text += "acts at every time; give a function of its gains K"
     elif hasattr(tau, "acting"):
         text = "does not apply to a walking controller, which has its own clock; leave it out"
     raise InputError(Problem("simulate", "sample", text))

@@ -125,3 +125,25 @@ def test_outputs_of_frames_are_differentiated(kind):
     )
     row = [1, 0] if kind.endswith("position") else [0, 1]
     assert np.allclose(found.C[0], row, rtol=0, atol=1e-10)
+
+
+def test_the_state_of_a_filter_is_that_of_the_coordinates_it_names():
+    noise = pg.Imperfect(sample=0.01, density=1e-3)
+    a, b = (
+        pg.Body(name=name, axes=[(0, 1, 0)], inertia=(0.1,) * 3, q=(q,))
+        for name, q in (("a", 0.0), ("b", 1.0))
+    )
+    law = pg.Relation(name="law", body="b", other="a", curve="=1+2*q.a")
+    outputs = [pg.Output(name=f"o{x}", kind="joint_position", at=x, imperfect=noise) for x in "ab"]
+    model = pg.Model(bodies=[a, b], constraints=[law], outputs=outputs, gravity=(0, 0, 0))
+    found = pg.kalman(model, ["oa", "ob"], 0.1)
+    now = {"q.a": 0.0, "q.b": 1.0, "v.a": 0.0, "v.b": 0.0}
+    np.testing.assert_allclose(found.at, [now[name] for name in found.states], atol=1e-12)
+
+
+def test_an_expression_that_reads_an_imperfect_output_is_told():
+    noise = pg.Imperfect(sample=0.01, density=1e-3)
+    angle = pg.Output(name="angle", kind="joint_position", at="rod", imperfect=noise)
+    drive = pg.Motor(name="drive", body="rod", torque="=-1.0*out.angle")
+    run = pg.simulate(pg.load("pendulum").add(angle).add(drive), t_end=0.1)
+    assert any("'drive'" in text and "'angle'" in text for text in run.notices)

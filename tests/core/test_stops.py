@@ -108,3 +108,25 @@ def test_bounds_only_push_and_are_kept(seed):
     pulls = mech.moment_arms(q)[room < 1e-7]
     left = mech.inverse_dynamics(q, np.zeros(4), np.zeros(4))
     assert lsq_linear(np.vstack((pulls, np.zeros(4))).T, left, (0.0, np.inf)).cost < 1e-13
+
+
+@pytest.mark.parametrize("q", [(0.0, -0.1), (0.1, 0.1), (-0.1, -0.3)])
+@pytest.mark.parametrize("kind", ["rod", "cable"])
+def test_a_joint_rests_on_its_limit_beside_a_closed_row(kind, q):
+    fields = {"axes": [(0, 1, 0)], "mass": 1.0, "inertia": (0.01,) * 3}
+    upper = pg.Body(name="a", com=(0, 0, -0.4), **fields)
+    lower = pg.Body(
+        name="b", parent="a", link=(0, 0, -0.8), com=(0, 0, -0.3), limits=[(-0.8, 0.6)], **fields
+    )
+    push = pg.Wrench(name="push", body="b", point=(0, 0, -0.6), force=(15.0, 0, 0))
+    at, to = (0.05, 0, -0.5), (-0.5, 0, -0.3)
+    rod = pg.Distance(name="r", body="b", point=at, other="ground", other_point=to, length=1.1)
+    cable = pg.Cable(name="r", through=[("b", at), ("ground", to)], length=1.1)
+    model = pg.Model(
+        bodies=[upper, lower], forces=[push, *([cable] if kind == "cable" else [])],
+        constraints=[rod] if kind == "rod" else [],
+    )  # fmt: skip
+    found = pg.Mechanism(model).equilibrium(q)
+    assert found[1] == pytest.approx(-0.8, abs=1e-9)
+    run = pg.simulate(model, q=np.asarray(found), t_end=0.05, estimate=False)
+    np.testing.assert_allclose(run.q[-1], found, atol=1e-9)
