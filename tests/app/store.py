@@ -15,12 +15,13 @@ from hypothesis import strategies as st
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app.core.events import Event, kinds
-from pgraph_app.features import initial, update
+from pgraph_app.features import initial, places, update
 from pgraph_app.model.apart import answer
 from pgraph_app.run import Kernels
 
 ME, OTHER = 1, 2
 LIMIT = 120.0  # [s] for a state that must come; only reached when something is broken
+places()  # a page sees only views that have a place on it
 do: Any = SimpleNamespace(**{kind.__name__: kind for kind in kinds()})  # all events, by name
 
 
