@@ -162,6 +162,7 @@ def page(the_page: Any, served: Server, leg: pg.Model) -> Iterator[Any]:
     """The page on four bodies, nothing selected, the first tabs in front."""
     the_page.keyboard.press("Escape")  # what is half typed or asked goes away
     the_page.evaluate("document.activeElement?.blur()")
+    the_page.evaluate("document.querySelectorAll('dialog[open]').forEach((one) => one.close())")
     the_page.evaluate("pgraph.digraph.toggle(true)")
     the_page.evaluate("document.querySelector('.pgraph-toasts')?.replaceChildren()")
     the_page.evaluate("pgraph.front('Bodies'); pgraph.frame.drawer(false)")

@@ -83,3 +83,4 @@ def test_a_dropped_assembly_moves_after_two_clicks(page: Any, compiled: Server, 
     assert len(model.constraints) == 1
     page.evaluate("pgraph.send('NewModel', {serial: 1, bodies: '2'})")
     sheet.wait_for(state="detached")
+    page.get_by_role("button", name="Close", exact=True).last.click()
