@@ -126,6 +126,8 @@ if TYPE_CHECKING:
     from .model import Wrench as Wrench
     from .model.links import link as link
     from .model.rope import belt as belt
+    from .native.reading import Fmu as Fmu
+    from .native.reading import read_fmu as read_fmu
     from .native.writing import write_c as write_c
     from .native.writing import write_fmu as write_fmu
     from .paper import home_poses as home_poses

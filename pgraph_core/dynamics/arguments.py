@@ -298,6 +298,11 @@ def _takes(parameters: inspect.Signature, count: int) -> bool:
     return True
 
 
+def has_state(function: Any) -> bool:
+    """Check whether a torque function has a state of its own, which its method restart() resets."""
+    return callable(getattr(function, "restart", None))
+
+
 # -- torques from a user's function ----------------------------------------------------------------
 
 
@@ -421,10 +426,15 @@ class UserTorque(Unportable):
 def acting(tau: Any, nq: int, nv: int, room: int) -> UserTorque | None:
     """Return the function called for `tau` by compiled runs, or None for an array.
 
-    A controller provides its own compiled function, with a workspace for each run.
+    A controller provides its own compiled function, with a workspace for each run. Raises
+    InputError for a function with a state of its own, since steps call a function several times.
     """
     if hasattr(tau, "acting"):
         return tau.acting(room)
+    if has_state(tau):
+        text = "has a state of its own, so it is called at samples alone: give simulate the time "
+        text += "between them, sample=0.01 for example, or call it in a loop of a Stepper, "
+        raise InputError(Problem("simulate", "tau", f"{text}st.step(tau=f(st.t, st.q, st.v))"))
     return UserTorque(tau, nq, nv, room) if callable(tau) else None
 
 

@@ -141,6 +141,15 @@ def chosen_method(mech: Mechanism, wanted: Wanted) -> tuple[str, Setup]:
     return name, setup
 
 
+def unit_of_output(model: Model, one: Output) -> str:
+    """Return the unit of an output, that of a joint by its motion."""
+    if one.kind not in OF_JOINT:
+        return one.reading.unit
+    side = int(one.kind == "joint_velocity")
+    units = [unit for m in model.body(one.at).sequence for unit in units_of(m)[side]]
+    return units[one.coordinate] + "/s" * side
+
+
 class Exported:
     """A model with its variables, ready to be written."""
 
@@ -212,12 +221,7 @@ class Exported:
         if one.kind not in READ:
             text = f"is of the kind {one.kind}, which does not travel; leave it out by outputs="
             raise InputError(Problem(f"output '{one.name}'", "kind", text))
-        unit = one.reading.unit
-        if one.kind in OF_JOINT:
-            pairs = [pair for m in self.model.body(one.at).sequence for pair in [units_of(m)]]
-            per = "/s" if one.kind == "joint_velocity" else ""
-            side = int(bool(per))
-            unit = [u for pair in pairs for u in pair[side]][one.coordinate] + per
+        unit = unit_of_output(self.model, one)
         now = one.kind == "accelerometer"
         return [
             Variable(".".join(filter(None, (one.name, part))), OUTPUT, 0.0, unit,

@@ -258,9 +258,8 @@ def _platforms(platforms: Sequence[str] | None, report: Report) -> list[str]:
     """Return the platforms that are written. Raises InputError if there is no library for any."""
     if platforms is None:
         found = [name for name in PLATFORMS if not stale(name)]
-        for name in found:
-            if not PLATFORMS[name].tested:
-                report.add("warning", name, "no test has run this library")
+        if untested := [name for name in found if not PLATFORMS[name].tested]:
+            report.add("warning", choices(untested), "no test has run these libraries")
         if here() not in found:
             report.add("left out", "this platform", "this installation has no library for it")
         if not found:

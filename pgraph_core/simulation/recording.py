@@ -75,7 +75,7 @@ class Recording(Running):
         self.size = len(q), len(v)  # with the states of controls
         self.start = float(plan.times[0])  # [s]
         if len(plan.samples):
-            self.sampled = Sampled(tau)
+            self.sampled = Sampled(tau, goes_on=plan.memory is not None)
         elif tau is not None:
             self.user = acting(tau, mech.nq, mech.nv, max(len(q), len(v)))
             if self.user is not None and plan.driving:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from ..dynamics.arguments import answer_of, of_state
+from ..dynamics.arguments import answer_of, has_state, of_state
 from ..dynamics.remembering import Calls
 from ..errors import InputError, Problem, shown
 from ..model import Output
@@ -96,7 +96,10 @@ def with_readings(outputs: Sequence[Output], times: Array, step: float) -> Array
 class Sampled:
     """A torque function, and the torques of its last sample."""
 
-    def __init__(self, function: Callable[..., Any]):
+    def __init__(self, function: Any, goes_on: bool = False):
+        """Wrap the function. One with a state of its own starts again, unless the run goes on."""
+        if has_state(function) and not goes_on:
+            function.restart()
         self.function, self.calls = of_state(function), Calls(function)
         self._t = -np.inf
         self._torques: Array = NO_TIMES
