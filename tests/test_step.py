@@ -384,6 +384,14 @@ def test_wrong_arguments_are_refused(given, facts, tmp_path):
         pg.read_step(path, **given)
 
 
+@pytest.mark.parametrize("given", [{"density": -1}, {"joints": "all"}, {"seconds": 0}, {}])
+def test_no_process_starts_for_what_is_refused_without_reading(given, tmp_path, monkeypatch):
+    path = made.write(tmp_path / "a.step", {"pin": rod(5, (0, 0, 0), (0, 0, 1), 10)})
+    monkeypatch.setattr(step, "Child", None)
+    with pytest.raises((pg.InputError, pg.FileError)):
+        pg.read_step(path if given else tmp_path / "nowhere.step", **given)
+
+
 def test_a_file_is_read_apart_and_within_limits(tmp_path, monkeypatch):
     path = made.write(tmp_path / "a.step", {"pin": rod(5, (0, 0, 0), (0, 0, 1), 10)})
     monkeypatch.setattr(step, "Child", Child)

@@ -14,7 +14,7 @@ from pydantic import Field
 import pgraph_core as pg
 from pgraph_core.formats.step import assembled, looked_at
 from pgraph_core.formats.step_joints import JointOfStep
-from pgraph_core.formats.step_model import StepReport
+from pgraph_core.formats.step_model import StepReport, densities_by_name
 from pgraph_core.formats.step_parts import Parts
 
 from .. import model
@@ -70,7 +70,7 @@ def _found(name: str, content: str, _: Any) -> Found:
         file.write_text(content, encoding="utf-8")
         parts, joints = looked_at(file, None)
     found = Assembly(Path(name).name, parts, tuple(joints))
-    opened, report = _model(found, (), None, ())
+    opened, report = _model(found, (), {}, ())
     return Found(opened=opened, report=report, value=found)
 
 
@@ -83,10 +83,10 @@ def _opened(client: int, name: str, state: Any, done: ErrandDone) -> Any:
 
 
 def _model(
-    found: Assembly, joints: tuple[pg.Proposal, ...], density: Any, fixed: tuple[str, ...]
+    found: Assembly, joints: tuple[pg.Proposal, ...], densities: Any, fixed: tuple[str, ...]
 ) -> tuple[pg.Model, StepReport]:
     report = StepReport(found.file, joints=[*found.joints])
-    made = assembled(found.parts, [*joints], density, fixed, report)
+    made = assembled(found.parts, [*joints], densities, fixed, report)
     return report.attached_to(made), report
 
 
@@ -112,15 +112,15 @@ class AcceptJoints(FromPage):
             return told(state, self.client, Notice(f"Not done: {LABEL}", text, bad=True))
         numbered = [(found.joints[k], kind) for k, kind in self.joints if k < len(found.joints)]
         joints = tuple(one if one.kind == kind else one.changed(kind) for one, kind in numbered)
-        work = partial(_accepted, found, joints, density or None, self.fixed)
+        work = partial(_accepted, found, joints, density, self.fixed)
         return sent(
             state, self.client, LABEL, work, compiled=True, then=partial(_made, self.client)
         )
 
 
-def _accepted(found: Assembly, joints: Any, density: Any, fixed: Any, _: Any) -> Found:
+def _accepted(found: Assembly, joints: Any, density: dict[str, float], fixed: Any, _: Any) -> Found:
     """Return the model with its loops closed. Raises PgraphError."""
-    opened, report = _model(found, joints, density, fixed)
+    opened, report = _model(found, joints, densities_by_name(density), fixed)
     return Found(opened=opened, report=report)
 
 

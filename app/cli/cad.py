@@ -71,14 +71,13 @@ def is_cad(args: Namespace) -> bool:
 def assembly(args: Namespace) -> tuple[pg.Model, Any]:
     """Return (model, report) of a STEP file with the accepted joints. Raises PgraphError."""
     from pgraph_core.formats.step import assembled, examined
-    from pgraph_core.formats.step_model import StepReport
+    from pgraph_core.formats.step_model import StepReport, densities_by_name
 
-    path = model_path(args.model)
+    path, densities = model_path(args.model), densities_by_name(dict(args.density))
     found, proposals = examined(path, args.tolerance, args.seconds)
     report = StepReport(path.name, joints=proposals)
     args.taken = _taken(args, proposals)
-    density = dict(args.density) or None
-    model = assembled(found, [*args.taken.values()], density, args.fixed, report)
+    model = assembled(found, [*args.taken.values()], densities, args.fixed, report)
     return report.attached_to(model), report
 
 

@@ -11,8 +11,8 @@ from ..children import MOST_MEMORY, Child
 from ..errors import FileError, InputError, Problem, explained, shown
 from ..model import Model
 from .step_joints import Proposal, proposed
-from .step_model import CALL, StepReport, model_of
-from .step_parts import Parts, parts_of
+from .step_model import CALL, StepReport, densities_by_name, model_of
+from .step_parts import Parts, content_of_step, parts_of
 
 LONGEST = 60  # [s] of processor time
 PATIENCE = 5  # limit on wall time relative to it, for a busy machine
@@ -76,10 +76,10 @@ def read_step(
     """
     if isinstance(fixed, str):
         fixed = (fixed,)
-    path = Path(path)
+    path, densities, chosen = Path(path), densities_by_name(density), _chosen(joints)
     found, proposals = examined(path, tolerance, seconds)
     report = StepReport(path.name, joints=proposals)
-    model = assembled(found, _accepted(joints, proposals, found), density, fixed, report)
+    model = assembled(found, _accepted(chosen, proposals, found), densities, fixed, report)
     return report.attached_to(model), report
 
 
@@ -94,6 +94,7 @@ def examined(path: Path, tolerance: float | None, seconds: int) -> tuple[Parts, 
     if isinstance(seconds, bool) or not isinstance(seconds, int) or seconds < 1:
         text = f"must be a whole number >= 1, got {shown(seconds)}"
         raise InputError(Problem(CALL, "seconds", text))
+    content_of_step(path)  # no process is started for a file that is none
     try:
         return Child(partial(looked_at, path, tolerance), seconds).result(PATIENCE)
     except TimeoutError:
@@ -114,14 +115,14 @@ def looked_at(path: Path, tolerance: float | None) -> tuple[Parts, list[Proposal
 def assembled(
     found: Parts,
     accepted: list[Proposal],
-    density: Any,
+    densities: Mapping[str, float],
     fixed: Iterable[str],
     report: StepReport,
 ) -> Model:
     """Return the model of parts with accepted joints, and complete the report on it."""
     for kind, part, text in found.notes:
         report.add(kind, report.file, f"'{part}' {text}" if part else text, part=part)
-    model = model_of(found, accepted, density, fixed, report)
+    model = model_of(found, accepted, densities, fixed, report)
     count = len(report.joints)
     if count and not accepted:
         text = f"{count} joints are proposed and none is accepted: all parts are free"
@@ -132,21 +133,29 @@ def assembled(
     return model
 
 
-def _accepted(given: Any, proposals: list[Proposal], found: Parts) -> list[Proposal]:
-    """Return the accepted joints. Raises InputError."""
-    if given == "propose":
-        return []
-    if given == "accept":
-        return [joint for joint in proposals if joint.selected]
-    names = {part.name for part in found.parts}
-    listed = [] if isinstance(given, (str, Proposal)) else [*given]
-    wrong = next((x for x in listed if not isinstance(x, Proposal)), None)
-    if isinstance(given, (str, Proposal)) or wrong is not None:
+def _chosen(given: Any) -> str | list[Proposal]:
+    """Return the argument `joints`, a list where it is one. Raises InputError."""
+    if isinstance(given, str) and given in ("propose", "accept"):
+        return given
+    listed = [*given] if isinstance(given, Iterable) and not isinstance(given, str) else [given]
+    wrong = [x for x in listed if not isinstance(x, Proposal)]
+    if wrong or isinstance(given, Proposal):
         text = "must be 'propose', 'accept' or a list of report.joints, got "
         raise InputError(Problem(CALL, "joints", text + shown(given)))
     for joint in listed:
         joint.changed(joint.kind)
+    return listed
+
+
+def _accepted(
+    chosen: str | list[Proposal], proposals: list[Proposal], found: Parts
+) -> list[Proposal]:
+    """Return the accepted joints. Raises InputError where the file does not have their parts."""
+    if isinstance(chosen, str):
+        return [joint for joint in proposals if joint.selected and chosen == "accept"]
+    names = {part.name for part in found.parts}
+    for joint in chosen:
         if gone := next((name for name in joint.bodies if name not in names), None):
             text = f"name the part {shown(gone)}, which the file does not have"
             raise InputError(Problem(CALL, "joints", text))
-    return listed
+    return chosen

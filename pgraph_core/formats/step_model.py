@@ -59,12 +59,12 @@ class _Group:
 def model_of(
     found: Parts,
     accepted: Sequence[Proposal],
-    density: Any,
+    by_name: Mapping[str, float],
     fixed: Iterable[str],
     report: StepReport,
 ) -> Model:
     """Return the model of the parts with the accepted joints. Raises InputError, ModelError."""
-    densities = _densities(found.parts, density, report)
+    densities = _densities(found.parts, by_name, report)
     known = {part.name: part for part in found.parts}
     held = [_known(name, known, "fixed") for name in fixed]
     groups = _welded(found.parts, densities, accepted, report)
@@ -92,16 +92,24 @@ def _known(name: Any, names: Collection[str], argument: str) -> str:
     raise InputError(Problem(CALL, argument, text))
 
 
-def _densities(parts: Sequence[Part], given: Any, report: Report) -> dict[str, float]:
-    """Return the density of each part: by its name, for all ("*"), or of the file's material."""
+def densities_by_name(given: Any) -> Mapping[str, float]:
+    """Return the argument `density` by names of parts, "*" for all. Raises InputError."""
     by_name = given if isinstance(given, Mapping) else {} if given is None else {"*": given}
-    own = {part.name for part in parts} | {part.product for part in parts}
     for name, value in by_name.items():
-        _known(name, {*own, "*"}, "density")
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
         if not (number and 0 < value < np.inf):
             text = f"must be a finite number > 0 [kg/m^3], got {shown(value)} for {shown(name)}"
             raise InputError(Problem(CALL, "density", text))
+    return by_name
+
+
+def _densities(
+    parts: Sequence[Part], by_name: Mapping[str, float], report: Report
+) -> dict[str, float]:
+    """Return the density of each part: by its name, for all ("*"), or of the file's material."""
+    own = {part.name for part in parts} | {part.product for part in parts}
+    for name in by_name:
+        _known(name, {*own, "*"}, "density")
     found, assumed, of_file = dict[str, float](), list[str](), dict[float, list[str]]()
     for part in parts:
         named = [by_name[x] for x in (part.name, part.product, "*") if x in by_name]

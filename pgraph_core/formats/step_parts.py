@@ -79,9 +79,8 @@ class Parts(NamedTuple):
         return self._replace(parts=[replace(part, faces=()) for part in self.parts])
 
 
-def parts_of(path: Path, tolerance: float | None = None) -> Parts:
-    """Read the parts of a STEP file. Raises FileError, MissingPackage."""
-    needed("OCP", EXTRA)
+def content_of_step(path: Path) -> bytes:
+    """Return the content of a STEP file. Raises FileError."""
     try:
         content = content_of(path, LARGEST)
     except (OSError, ValueError) as error:
@@ -90,6 +89,13 @@ def parts_of(path: Path, tolerance: float | None = None) -> Parts:
     if b"ISO-10303-21" not in content[:1000]:
         text = "is not STEP: it does not begin with ISO-10303-21; save it as STEP from your CAD"
         raise FileError(Problem(path.name, "", text))
+    return content
+
+
+def parts_of(path: Path, tolerance: float | None = None) -> Parts:
+    """Read the parts of a STEP file. Raises FileError, MissingPackage."""
+    needed("OCP", EXTRA)
+    content = content_of_step(path)
     assembly = _Assembly(path)
     if not assembly.parts:
         text = "holds no solid, which alone has a mass; export solids, not surfaces or drawings"
