@@ -1,7 +1,8 @@
 """Comparisons of names in sources: code asks a method or kind for facts instead of its name."""
 
 import ast
-from collections.abc import Container, Iterator
+import re
+from collections.abc import Collection, Container, Iterator
 from pathlib import Path
 
 import pgraph_app
@@ -11,13 +12,18 @@ import pgraph_peers
 PACKAGES = pgraph_core, pgraph_app, pgraph_peers
 
 
-def sources() -> Iterator[tuple[str, ast.Module]]:
-    """Yield (path from the name of its package, parsed source) of each module of the packages."""
+def sources(names: Collection[str]) -> Iterator[tuple[str, ast.Module]]:
+    """Yield (path from the name of its package, parsed source) of each module of the packages that
+    has one of these strings.
+    """
+    quoted = re.compile("|".join(f'"{re.escape(x)}"' for x in names))
     for package in PACKAGES:
         folder = Path(str(package.__file__)).parent
         for path in sorted(folder.rglob("*.py")):
             name = f"{package.__name__}/{path.relative_to(folder).as_posix()}"
-            yield name, ast.parse(path.read_text(encoding="utf-8"))
+            text = path.read_text(encoding="utf-8")
+            if quoted.search(text):
+                yield name, ast.parse(text)
 
 
 def strings(tree: ast.AST) -> list[str]:

@@ -7,16 +7,15 @@ import numpy as np
 import pytest
 import trimesh
 
-import pgraph_app
-import pgraph_core
 import pgraph_core as pg
-import pgraph_peers
 from pgraph_core.model.shape import corners_of
 from pgraph_core.rotation import unit
 from pgraph_core.shapes import KINDS, SIZES, Sized, kind_of, picture_of
 from pgraph_core.shapes.contract import Geom, Kind, Picture, Primitive, Surface
 from pgraph_core.shapes.rays import Ray
 from pgraph_core.show import notebook, shapes
+
+from .comparisons import sources
 
 pytestmark = pytest.mark.quick
 
@@ -217,11 +216,9 @@ def compared(tree):
 
 def test_nobody_asks_which_kind_a_shape_is():
     """The file of a kind answers what depends on it."""
-    found = []
-    for package in (pgraph_core, pgraph_app, pgraph_peers):
-        folder = Path(package.__file__).parent
-        for path in folder.rglob("*.py"):
-            for line, constants in compared(ast.parse(path.read_text(encoding="utf-8"))):
-                if constants & set(KINDS):
-                    found.append(f"{path.relative_to(folder)}:{line}")
+    found = [
+        f"{name}:{line}"
+        for name, tree in sources(KINDS)
+        for line, constants in compared(tree) if constants & set(KINDS)
+    ]  # fmt: skip
     assert found == []

@@ -353,8 +353,8 @@ def test_surfaces_have_no_mass(tmp_path):
     [
         (lambda text: "", "not STEP"),
         (lambda text: "a text", "not STEP"),
-        (lambda text: "ISO-10303-21;\n", "damaged"),
-        (lambda text: text[: len(text) // 2], "damaged"),
+        (lambda text: "ISO-10303-21;\n", "cut short"),
+        (lambda text: text[: len(text) // 2], "cut short"),
         (lambda text: text.replace("CYLINDRICAL_SURFACE('',", "CYLINDRICAL_SURFACE("), "solid"),
     ],
 )
@@ -363,6 +363,17 @@ def test_a_damaged_file_is_refused(change, fact, tmp_path):
     path.write_text(change(path.read_text()))
     with pytest.raises(pg.FileError, match=fact):
         pg.read_step(path)
+
+
+def test_what_a_damaged_file_has_left_out_is_named(tmp_path):
+    parts = {f"p{n}": box((10, 10 + n, 10), (20 * n, 0, 0)) for n in range(4)}
+    path = made.write(tmp_path / "a.step", parts)
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(lines[: len(lines) // 3] + lines[len(lines) // 2 :]))
+    model, report = pg.read_step(path, density=1000)
+    assert len(model.bodies) < 4
+    assert not report.loaded
+    assert any("errors in the text" in line for line in model.lost)
 
 
 @pytest.mark.parametrize(

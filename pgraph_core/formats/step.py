@@ -121,7 +121,8 @@ def assembled(
 ) -> Model:
     """Return the model of parts with accepted joints, and complete the report on it."""
     for kind, part, text in found.notes:
-        report.add(kind, report.file, f"'{part}' {text}" if part else text, part=part)
+        line = f"'{part}' {text}" if part else text
+        report.add(kind, report.file, line, acts=kind == "left out", part=part)
     model = model_of(found, accepted, densities, fixed, report)
     count = len(report.joints)
     if count and not accepted:

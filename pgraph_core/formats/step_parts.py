@@ -89,6 +89,9 @@ def content_of_step(path: Path) -> bytes:
     if b"ISO-10303-21" not in content[:1000]:
         text = "is not STEP: it does not begin with ISO-10303-21; save it as STEP from your CAD"
         raise FileError(Problem(path.name, "", text))
+    if b"END-ISO-10303-21" not in content:
+        text = "is cut short: it does not end with END-ISO-10303-21; export it again from your CAD"
+        raise FileError(Problem(path.name, "", text))
     return content
 
 
@@ -371,12 +374,20 @@ class _Assembly:
         if not (done and reader.Transfer(self.document)):
             text = "is damaged or holds no shape; export it again from your CAD system"
             raise FileError(Problem(path.name, "", text))
+        self._name_damage(reader.ChangeReader().WS().Model())
         units = [Texts() for _ in range(3)]
         reader.ChangeReader().FileUnits(*units)
         self.unit = next((x.ToCString().lower() for x in units[0]), "")
         main = self.document.Main()
         self.shapes = XCAFDoc_DocumentTool.ShapeTool_s(main)
         self.colours = XCAFDoc_DocumentTool.ColorTool_s(main)
+
+    def _name_damage(self, entries: Any) -> None:
+        """Note errors of syntax and references to missing entries: parts with them are left out."""
+        check = entries.GlobalCheck(True)
+        if count := check.NbFails():
+            text = f"{count} errors in the text of the file, and parts may be missing; the first: "
+            self.notes.append(("left out", "", f"{text}{check.CFail(1)}; export it again"))
 
     # -- the tree ----------------------------------------------------------------------------------
 
