@@ -138,9 +138,9 @@ def _chosen(given: Any) -> str | list[Proposal]:
     """Return the argument `joints`, a list where it is one. Raises InputError."""
     if isinstance(given, str) and given in ("propose", "accept"):
         return given
-    listed = [*given] if isinstance(given, Iterable) and not isinstance(given, str) else [given]
-    wrong = [x for x in listed if not isinstance(x, Proposal)]
-    if wrong or isinstance(given, Proposal):
+    many = isinstance(given, Iterable) and not isinstance(given, str)
+    listed: list[Any] = [*given] if many else []
+    if not (many and all(isinstance(x, Proposal) for x in listed)):
         text = "must be 'propose', 'accept' or a list of report.joints, got "
         raise InputError(Problem(CALL, "joints", text + shown(given)))
     for joint in listed:
