@@ -437,11 +437,9 @@ def sunk_through(mech: Mechanism, idle: Idle, start: Array, end: Array) -> list[
 
     `start` and `end` (nq,) are the first position and the last.
     """
-    below: dict[str, str] = {}
-    for body, contact in idle.contact_of.items():
-        last, first = (float(mech.pose(q, body)[0] @ idle.normal) for q in (end, start))
-        if last < 0.0 < first:
-            below[body] = contact
+    last, first = (mech.poses(q).position @ idle.normal for q in (end, start))
+    rows = ((mech.topology.number(body) - 1, body) for body in idle.contact_of)
+    below = {body: idle.contact_of[body] for k, body in rows if last[k] < 0.0 < first[k]}
     if not below:
         return []
     contacts, bodies = list(dict.fromkeys(below.values())), list(below)

@@ -63,10 +63,12 @@ class Recording(Running):
     def __init__(
         self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, tau: Any,
         monitors: Sequence[Monitor] = (), coarser: Recording | None = None,
+        place: Workplace | None = None,
     ):  # fmt: skip
         """Set up without computing anything yet. Raises InputError if `tau` is invalid.
 
-        `coarser` is a run of the same motion, whose error is estimated with this one.
+        `coarser` is a run of the same motion, whose error is estimated with this one. `place` is
+        that of a run by this plan, which is over.
         """
         self.coarser = coarser
         self.mech, self.plan, self.tau = mech, plan, tau
@@ -83,13 +85,13 @@ class Recording(Running):
         self.ended = Outcome()
         self.switching = Switching(self)
         self._events = monitors
-        self._prepare(q, v)
+        self._prepare(q, v, place)
         self._changes = [NO_CHANGES]  # changes of contact phases logged by the kernels
         self.unlogged = 0  # changes that there was no room for
 
-    def _prepare(self, q: Array, v: Array) -> None:
+    def _prepare(self, q: Array, v: Array, left: Workplace | None = None) -> None:
         """Build the scene, frames and stepping loop for the plan, at (q, v)."""
-        plan, before, left, (nq, nv) = self.plan, self.coarser, None, self.size
+        plan, before, (nq, nv) = self.plan, self.coarser, self.size
         size = len(plan.times) * (nq + 2 * nv + 6 * (1 + len(plan.ever)))
         alone = (
             self.user is not None
@@ -100,7 +102,7 @@ class Recording(Running):
         # whether other frames may come into these arrays
         self.reused = plan.reusable and not alone and size <= KEPT_NUMBERS
         if self.reused and before is None:
-            left = taken(self.mech, plan)
+            left = left or taken(self.mech, plan)
         elif self.reused and before is not None and before.steps.finer is not None:
             left = before.steps.finer  # loop in the scene of the coarser run
             left = left if left.steps.plan is plan else None
@@ -452,7 +454,8 @@ class Recording(Running):
             if self.carried is not None:
                 self.carried.take_plan(self.plan)
             again = self.given if self.coarser is None else self.began  # begin() tells of moves
-            self._prepare(*(x.copy() for x in again))
+            q, v = (x.copy() for x in again)
+            self._prepare(q, v)
             return self.begin()
         if refused is not None:
             text = f"t = {t:.6g} s: bodies come close, and the run continues with"

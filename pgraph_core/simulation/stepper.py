@@ -28,16 +28,15 @@ from ..portable import ReadOnly, put_back
 from ..result import Result, Status
 from ..result.records import Memory
 from ..tolerances import SOLVED
-from .choice import STEPPED
 from .continuing import state_of
+from .fresh import Fresh, memory_of, plan_of_steps, set_up
 from .inputs import Inputs
 from .loop import Outcome, paced
-from .options import Options, begun, driven, inputs_of, positive
-from .plan import begun_with, plan_of, with_contacts
+from .options import Options, inputs_of, positive
 from .readings import Readings
 from .recorded import NO_ESTIMATE, notices, result_of, told
 from .recording import Recording
-from .start import by_names, given_states, torques_or_drives, with_state
+from .start import by_names, torques_or_drives, with_state
 from .switches import Change
 
 if TYPE_CHECKING:
@@ -104,6 +103,7 @@ class Stepper(Readings):
     status: Status
     message: str
     _piece = 1  # steps that take about PIECE
+    _fresh: Fresh | None = None
 
     def __init__(
         self,
@@ -486,53 +486,41 @@ class Stepper(Readings):
     # -- inside ----------------------------------------------------------------------------------
 
     def _begin(self, t: float, q: Any, v: Any, states: Any, memory: Memory | None) -> None:
-        mech, tau, name = self.mech, self._tau, self._options.scenario
-        given = mech.model.scenario(name) if name is not None else None
+        mech, tau = self.mech, self._tau
         options = self._options.changed(t_start=t, t_end=t + self._width, memory=memory)
-        plan = with_contacts(plan_of(mech, options, tau, q, v))
-        if plan.contact_points and options.method is None:
-            plan = with_contacts(plan_of(mech, options.changed(method=STEPPED), tau, q, v))
-        elif plan.contact_points:
-            text = f"{options.method} is event-driven for rigid contacts and limits, which a "
-            text += f"Stepper does not support; choose '{STEPPED}', or use simulate"
-            raise InputError(Problem("Stepper", "method", text))
+        plan = plan_of_steps(mech, options, tau, q, v)
         vars(self).update(method=plan.method.name)
         state = with_state(mech, plan.start, q, v, t)
-        forces = (*mech.model.forces, *(given.forces if given else ()), *self._options.forces)
-        if self._options.inputs:
-            forces = driven(forces, self._options.inputs, "Stepper", t)
-        forces = begun(forces, t)
-        drives = plan.drives._replace(knots=plan.drives.knots.copy())
-        whole = np.arange(len(mech.model.constraints))
-        bent = plan.method.order > 1
-        loads = mech.packed.loads(forces, states=True, bent=bent, touching=bent and plan.yields)
-        plan = replace(plan, drives=drives, loads=loads, ever=whole, acting=forces)
-        if states is not None:
-            plan = begun_with(plan, given_states(mech, states))
         tau = plan.tau if tau is None else tau
-        self._record = Recording(mech, plan, *state, tau)
-        self._steps, scene = self._record.steps, self._record.scene
-        self._record.plan = replace(self._record.plan, drives=scene.drives, loads=scene.loads)
+        fresh = self._fresh if states is None else None
+        if fresh is not None and fresh.fits(self._record, plan):
+            self._record = fresh.again(self._record, state, tau)
+        else:
+            self._record, self._forces = set_up(mech, options, plan, state, states, tau)
+            self._fresh = Fresh.of(self._record, plan) if states is None else None
+            self._look_up()
         self._active = set(plan.active.tolist())
         if not self._record.begin():
             raise InputError(Problem("Stepper.reset", "q", self._record.ended.message))
-        vars(self).pop("_clearance", None)  # belongs to the old tables
         self._own = self._record.scene.given[: mech.nv].copy()
-        self._q, self._v = self._steps.q[: mech.nq], self._steps.v[: mech.nv]
-        self._x = self._steps.v[mech.nv :]
+        self._ended(Outcome())
+        self._open()
+
+    def _look_up(self) -> None:
+        """Look up the state and the inputs in the tables of a new run."""
+        mech, forces, plan = self.mech, self._forces, self._record.plan
+        self._steps = steps = self._record.steps
+        vars(self).pop("_clearance", None)  # belongs to the old tables
+        self._q, self._v, self._x = steps.q[: mech.nq], steps.v[: mech.nv], steps.v[mech.nv :]
         for view in (self._q, self._v, self._x):
             view.flags.writeable = False
         carriers = [[mech.topology.number(x) for x in f.pair] for f in on_bodies(forces)]
         self._carriers = np.array(carriers, dtype=np.int64).reshape(-1, 2)
-        self._forces = forces
         parts = (*forces, *mech.model.controls)
         read = {name for part in parts for name in drives_read(part)}
-        plan = self._record.plan
         self._inputs = Inputs(forces, plan.drives, plan.loads, read)
         rows = inputs_of_states(mech.model, plan.loads.signals[2])
         self._inputs.add_of_states(forces, plan.loads.signals[0], rows)
-        self._ended(Outcome())
-        self._open()
 
     @cached_property
     def _key(self) -> str:
@@ -590,14 +578,4 @@ class Stepper(Readings):
 
     def _memory(self) -> list[Array]:
         self._open()
-        scene, steps = self._record.scene, self._steps
-        found = [steps.control_table, steps.counters_table, steps.stages, *steps.memory]
-        found += [scene.given]
-        _, inputs_of_paths, _ = scene.loads.strut
-        found += [scene.active, scene.blocks.blocks_f, scene.drives.knots, inputs_of_paths]
-        found += scene.space
-        if scene.touching is not None:
-            found += scene.touching.memory
-        if self._record.user is not None:
-            found += self._record.user.memory
-        return found
+        return memory_of(self._record)

@@ -54,3 +54,15 @@ def test_a_ball_that_flies_away_from_a_soft_floor_is_free():
         method="dop853", rtol=1e-8, **STEPS,
     )  # fmt: skip
     assert run.counters["steps"] <= 6
+
+
+def test_bodies_that_fall_through_the_ground_are_found_by_one_look_at_all(monkeypatch):
+    """The poses of all bodies are computed for the first and the last frame, not for each body."""
+    bodies = [pg.Body(**{**BALL, "name": f"b{i}", "q": (i, 0, 0.2, 1, 0, 0, 0)}) for i in range(9)]
+    idle = pg.Contact(name="c", body="*", active=False)
+    mech, looks = pg.Mechanism(pg.Model(bodies=bodies, contacts=[idle])), list[int]()
+    own = pg.Mechanism.poses
+    monkeypatch.setattr(pg.Mechanism, "poses", lambda self, q: looks.append(1) or own(self, q))
+    run = pg.simulate(mech, t_end=0.4, **STEPS)
+    assert any("'b0'" in text and "6 more" in text for text in run.notices)
+    assert len(looks) == 2

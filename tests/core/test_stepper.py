@@ -141,6 +141,54 @@ def test_a_scenario_that_switches_later_is_refused():
     assert np.abs(late.vdot).max() > 0.0
 
 
+RESETS = {
+    "double_pendulum": {}, "four_bar": {"method": "rk4"}, "bricard": {"method": "gauss6"},
+    "rolling_disc": {}, "falling_rod": {}, "andrews": {"method": "dop853"}, "skate": {},
+    "quadruped_hips": {}, "quadruped_muscles": {},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", RESETS)
+def test_a_reset_leaves_nothing_of_the_steps_before(name):
+    """Neither steps, inputs, switches, frames, other states nor failures: as a new stepper."""
+    mech = built_in(name)
+    new, used = (pg.Stepper(mech, step=1e-3, **RESETS[name]) for _ in range(2))
+    used.step(n=30)
+    used.record(5)
+    for inputs in list(used.inputs)[:2]:
+        used.input(inputs, 0.3)
+    for constraint in mech.model.constraints:
+        used.switch(constraint.name, active=not constraint.active)
+        used.switch(constraint.name, active=constraint.active)
+    used.step(0.1 + np.zeros(mech.nv), n=20)
+    used.reset(new.q, 0.5 * new.v)
+    used.step(n=10)
+    for _ in range(2):  # the second time in the place of the first
+        used.reset()
+        assert used.inputs == new.inputs
+        assert used._content() == new._content()
+        assert (
+            used.record(20).q.tobytes()
+            == pg.Stepper(mech, step=1e-3, **RESETS[name]).record(20).q.tobytes()
+        )
+        used.step(n=30)
+    new.step(n=30)
+    used.reset()
+    used.step(n=30)
+    assert used._content() == new._content()
+
+
+def test_a_reset_makes_no_tables_anew():
+    """The work of a reset is that of copying back, which learning meets at each episode."""
+    stepper = pg.Stepper(built_in("quadruped_hips"), step=1e-3, method="rk4")
+    place = stepper.recording.scene, stepper.recording.steps
+    stepper.step(n=10)
+    stepper.reset()
+    assert (stepper.recording.scene, stepper.recording.steps) == place
+    stepper.reset(stepper.q + 1e-3 * np.arange(stepper.q.size), stepper.v)
+    assert (stepper.recording.scene, stepper.recording.steps) == place
+
+
 def test_reset_starts_again():
     stepper = pg.Stepper(built_in("falling_rod"), step=1e-3)
     assert stepper.method == "moreau_jean"
