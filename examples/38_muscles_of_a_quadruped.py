@@ -27,7 +27,7 @@ def heights(run: pg.Result) -> np.ndarray:
 
 
 # constant excitations hold it: contracted muscles are springs, and no controller is needed
-still = pg.simulate(model.replace(parameters={"lift": 0.0}), t_end=10, scenario="step")
+still = pg.simulate(model.replace(parameters={"lift": 0.0}), t_end=3, scenario="step")
 sunk = np.abs(still.q[:, mech.joints["pelvis"].q][:, :3]).max()
 print(f"it stands for {still.t[-1]:.0f} s: {sunk < 1e-4}")
 
