@@ -38,7 +38,7 @@ State = composed("State", CLIENT=Client)
 
 def initial(model: pg.Model, gallery: Mapping[str, str] | None = None) -> Any:
     """Return the initial state of the server, whose gallery has built-in models as JSON text."""
-    state = State(model.of_bodies, gallery=gallery or {})
+    state = State(model, gallery=gallery or {})
     return state.opened(state)
 
 

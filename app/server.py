@@ -114,8 +114,6 @@ def serve(
     server = Server(model, host, port, given, keep, token)
     if port and server.port != port:
         print(f"Port {port} is taken; using {server.port}.")
-    for text in model.of_bodies.notices if model.beams else ():
-        print(f"{text}; save it under another name to keep the beams.", flush=True)
     print(f"Pgraph is at {server.url}", flush=True)
     if server.store.state.greeting is not None:
         greeting = server.store.state.greeting

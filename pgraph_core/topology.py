@@ -136,9 +136,13 @@ class Loop(NamedTuple):
 
 
 def loops_of(model: Model, topology: Topology) -> tuple[Loop, ...]:
-    """Return the constraints between bodies as edges of the digraph that are not in the tree."""
+    """Return the constraints between bodies as edges of the digraph that are not in the tree.
+
+    A place on a beam is the row of the beam, where the topology has it as one.
+    """
+    of = {name: beam for name, beam in model.beam_of.items() if name not in topology._number}
     return tuple(
-        Loop(c.name, c.kind, *map(topology.number, pair))
+        Loop(c.name, c.kind, *(topology.number(of.get(name, name)) for name in pair))
         for c in model.constraints
         if not isinstance(c, InJoints)
         for pair in c._links

@@ -156,7 +156,7 @@ def settled(model: pg.Model, stations: Sequence[Fields], closed: bool) -> tuple[
     A point of the ground is above its neighbour. A wheel without a hinge turns in the plane of its
     neighbours. At a drum, the cable leaves as it does a wheel next to it, or as upright as it can.
     """
-    at, found = poses(model.bodies), [dict(one) for one in stations]
+    at, found = poses(model.standing), [dict(one) for one in stations]
     for k, one in enumerate(found):
         if one["body"] == GROUND and "point" not in one:
             one["point"] = _hung(model, found, k, at)
@@ -355,7 +355,7 @@ def chosen(values: Mapping[str, Any], text: str) -> Any:
 
 def _body(model: pg.Model, text: str) -> str:
     name = text.strip()
-    if name != GROUND and name not in model.row:
+    if name != GROUND and name not in {body.name for body in model.standing}:
         raise Refusal(f"no body is named '{name}'")
     return name
 

@@ -19,6 +19,7 @@ def gains(model: pg.Model, name: str) -> dict[str, float]:
 
     The weight moves it by SAG at most, at its full lever; the damping is critical.
     """
+    model = model.expanded
     kind = next((m.facts for m in model.body(name).sequence), None)
     top, (places, turns) = pg.Topology.of(model), pg.home_poses(model)
     at, mass, lever, inertia = top.names.index(name), 0.0, 0.0, 0.0

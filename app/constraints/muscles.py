@@ -13,7 +13,7 @@ def lengths(model: pg.Model, body: str, other: str) -> dict[str, float]:
 
     Its fibre then begins at its optimal length, where it has no passive force.
     """
-    at = poses(model.bodies)
+    at = poses(model.standing)
     way = np.asarray(at[body].place(model.body(body).tip_point)) - at[other].position
     half = float(f"{0.5 * np.linalg.norm(way):.3g}")
     return {"l_opt": half, "l_slack": half} if half else {}

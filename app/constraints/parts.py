@@ -95,7 +95,7 @@ def unit_of_signal(model: pg.Model, text: str) -> str:
 
 def known_of(model: pg.Model) -> Known:
     """Return the names that expressions in a model may use."""
-    bodies = {b.name: b for b in model.bodies}
+    bodies = {b.name: b for b in model.standing}
     exerting = [c.name for c in model.constraints], [c.name for c in model.contacts]
     known = model.outputs, model.controls, model.parameters, model.forces
     return Known(bodies, *known, exerting, constraints=model.constraints)

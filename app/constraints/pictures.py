@@ -105,7 +105,7 @@ def window(state: State, item: pg.Relation | pg.Cam) -> tuple[float, ...]:
 
 def shown(state: State, name: str) -> Array | None:
     """Return the coordinates of a joint at the pose shown."""
-    bodies = bodies_of(state.model, pg.Topology.of(state.model))
+    bodies = bodies_of(state.whole, pg.Topology.of(state.whole))
     places = {body.name: place for body, place in zip(bodies, q_slices(bodies))}
     return shown_q(state)[places[name]] if name in places else None
 

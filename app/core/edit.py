@@ -23,7 +23,7 @@ UNDO_DEPTH = 200
 ALSO = "Also changed"  # title of what an edit changed besides; undo withdraws it
 MOST_BODIES = 1000
 MOST_RENAMES = 1000  # limit on remembered renames
-NAMED = ("constraints", "contacts", "forces", "sites", "outputs", "controls")  # besides bodies
+NAMED = ("constraints", "contacts", "forces", "sites", "outputs", "controls", "beams")  # but bodies
 STAND_IN = re.compile(r"serial \d+|model")  # names that nobody has given
 OF_BODIES = ("body", "bodies", "parent", "before", "rows", "under")  # fields of events
 IN_CELLS = ("parent", "body", "other", "frame", "at")  # cells with the name of a body as text
@@ -91,10 +91,8 @@ def with_model(state: S, model: pg.Model, label: str) -> S:
 def replaced(state: S, model: pg.Model, label: str) -> S:
     """Open a different model as one undo step, with its own run settings and camera view.
 
-    The selection, drawings, plots and measurements of the previous model are discarded. Beams are
-    shown as their segments.
+    The selection, drawings, plots and measurements of the previous model are discarded.
     """
-    model = model.of_bodies
     after = with_model(state, model, label).opened(state)
     return replace(after, framed=state.framed + 1, document=state.framed + 1)
 
@@ -115,12 +113,12 @@ def showing(state: S, model: pg.Model) -> S:
 
 def selected(state: S, client: int, body: str | None, bodies: tuple[str, ...]) -> S:
     """Return `state` with these bodies selected on one page, or unchanged if `body` is unknown."""
-    if body is not None and body not in state.model.row:
+    if body is not None and body not in state.graph.number:
         return state
     page, wanted = state.clients.get(client), {*bodies, body}
     if page is None:
         return state
-    known = tuple(b.name for b in state.model.bodies if b.name in wanted)
+    known = tuple(b.name for b in (*state.model.bodies, *state.model.beams) if b.name in wanted)
     return replace(state, clients={**state.clients, client: page.choosing(body, known)})
 
 
@@ -133,6 +131,8 @@ def renamed(old: pg.Model, new: pg.Model) -> Iterator[tuple[str, str, str]]:
         for a, b in _pairs(getattr(old, kind), getattr(new, kind)):
             if all(getattr(a, f, None) == getattr(b, f, None) for f in ("mass", "inertia", "kind")):
                 yield kind, a.name, b.name
+                if kind == "beams":  # its row of the table
+                    yield "bodies", a.name, b.name
     if len(old.parameters) == len(new.parameters):
         for a, b in zip(old.parameters, new.parameters):
             if a not in new.parameters and b not in old.parameters:

@@ -119,6 +119,7 @@ pgraph.chart = (label, lines, zero = false, axes = zero, unit = " s") => {
     weld: "M3 3h10v10H3zM3 3l10 10M13 3L3 13",
     prismatic: "M2 5h12M2 11h12M4.5 8h7M9.5 6l2 2-2 2",
     spherical: "M8 4.5a3.5 3.5 0 1 0 0 7a3.5 3.5 0 1 0 0-7M8 1.5v3M3 13l2.5-2.5M13 13l-2.5-2.5",
+    beam: "M2.5 3v10M2.5 6.2c5 0 8.5 1 11 4.6M2.5 9.2c4.5 0 7 .8 9 3.6",
     compound: "M8 5.5a2.5 2.5 0 1 0 0 5a2.5 2.5 0 1 0 0-5M2.5 8a5.5 5.5 0 1 1 11 0",
     large: "M9.5 2.5h4v4M13.5 2.5L9 7M6.5 13.5h-4v-4M2.5 13.5L7 9",
     small: "M13 7H9V3M9 7l4.5-4.5M3 9h4v4M7 9l-4.5 4.5",

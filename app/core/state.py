@@ -8,7 +8,8 @@ defined there as well, in methods that call the methods of their base classes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, wraps
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar
@@ -17,6 +18,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.errors import counted
+from pgraph_core.model.segments import segment
 from pgraph_core.numbering import children_of
 from pgraph_core.show.digraph import Layout, layout
 from pgraph_core.show.shapes import branches, reach, to_wxyz
@@ -96,12 +98,13 @@ class Client:
         """Return the page after an edit. Its selection follows names, or the row of a rename."""
         if not self.selected:
             return self
-        if len(old.bodies) == len(new.bodies):
-            kept = {a.name: b.name if a.name not in new.row else a.name
-                    for a, b in zip(old.bodies, new.bodies)}  # fmt: skip
+        before, now = ([b.name for b in (*m.bodies, *m.beams)] for m in (old, new))
+        row = {name: k for k, name in enumerate(now)}
+        if len(before) == len(now):
+            kept = {a: b if a not in row else a for a, b in zip(before, now)}
         else:
-            kept = {name: name for name in new.row}
-        chosen = sorted((kept[n] for n in self.selected if n in kept), key=new.row.__getitem__)
+            kept = {name: name for name in now}
+        chosen = sorted((kept[n] for n in self.selected if n in kept), key=row.__getitem__)
         last = kept.get(self.selection or "", chosen[-1] if chosen else None)
         return replace(self, selection=last, selected=tuple(chosen))
 
@@ -159,9 +162,37 @@ class State:
         return replace(self, clients=clients)
 
     @property
+    def whole(self) -> pg.Model:
+        """The model with the segments of its beams as bodies, which is drawn, posed and run."""
+        return self.model.expanded
+
+    @property
     def derived(self) -> Derived:
-        """Data derived from the model."""
-        return derive(self.model)
+        """Data derived from the whole model."""
+        return derive(self.whole)
+
+    @property
+    def graph(self) -> Graph:
+        """Data derived from the rows of the table, one for each body and each beam."""
+        return self.derived if self.whole is self.model else graph_of(self.model)
+
+    @property
+    def ids(self) -> dict[str, int]:
+        """The ids of the rows of the table by name, of beams below 0."""
+        beams = self.rows.named(self.model, "beams")
+        return {**self.rows.named(self.model, "bodies"), **{x: -1 - k for x, k in beams.items()}}
+
+    def drawn_as(self, rows: Iterable[str]) -> tuple[str, ...]:
+        """Return the bodies that are drawn for these rows: the segments of beams."""
+        counts, found = self.whole.segments, list[str]()
+        for name in rows:
+            n = sum(counts.get(name, ()))
+            found += [segment(name, k) for k in range(n + 1)] if n else [name]
+        return tuple(found)
+
+    def row_of(self, name: str) -> str:
+        """Return the row of a body that is drawn: that of its beam for a segment."""
+        return self.whole.beam_of.get(name, name)
 
     @property
     def moves(self) -> bool:
@@ -190,7 +221,7 @@ class State:
     @property
     def counts(self) -> str:
         """A text with the number of bodies and degrees of freedom."""
-        return f"{counted(len(self.derived.names), 'body', 'bodies')}, {self.freedom}"
+        return f"{counted(len(self.graph.names), 'body', 'bodies')}, {self.freedom}"
 
 
 S = TypeVar("S", bound=State)
@@ -230,8 +261,9 @@ KEPT = 8  # models of which it is known
 
 
 @dataclass(frozen=True)
-class Derived:
-    """Data derived from the model, in the order of the body numbers unless stated otherwise."""
+class Graph:
+    """Data derived from the tree and its loops, in the order of the numbers of the rows unless
+    stated otherwise."""
 
     names: tuple[str, ...]  # from body 1
     number: Mapping[str, int]  # name -> 1..nb
@@ -246,6 +278,12 @@ class Derived:
     loops: tuple[Loop, ...]  # constraints drawn in addition to the tree
     layout: Layout
     branches: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Derived(Graph):
+    """Data derived from the model, in the order of the body numbers unless stated otherwise."""
+
     positions: np.ndarray  # (nb, 3) body origins at home, world axes [m]
     wxyz: np.ndarray  # (nb, 4) orientations at home
     center: np.ndarray  # (3,) what the camera looks at [m]
@@ -283,33 +321,51 @@ def of_model(find: Callable[[pg.Model], F]) -> Callable[[pg.Model], F]:
 
 @of_model
 def derive(model: pg.Model) -> Derived:
-    """Return the data derived from a model: its topology, layout, home poses, colours and
-    constraint column."""
-    top = pg.Topology.of(model)
-    names, parent = tuple(top.names), tuple(top.parent.tolist())
-    bodies = [model.body(name) for name in names]
-    loops = loops_of(model, top)
-    tree = _tree(parent, tuple(top.dof.tolist()))
+    """Return the data derived from a model without beams: its graph, home poses and size."""
+    graph = graph_of(model)
+    bodies = [model.body(name) for name in graph.names]
     positions, rotations = pg.home_poses(model)
     center, size = reach(bodies, positions, rotations)
-    ends = tuple((loop.body, loop.other) for loop in loops)
     return Derived(
+        **vars(graph),
+        positions=np.asarray(positions, dtype=float),
+        wxyz=to_wxyz(np.asarray(rotations, dtype=float)),
+        center=center,
+        size=size,
+        low=depth(model, bodies, graph.parent, positions, size),
+    )
+
+
+@of_model
+def graph_of(model: pg.Model) -> Graph:
+    """Return the topology of a model, its layout, colours and constraint column."""
+    top = pg.Topology.of(model)
+    names, parent = tuple(top.names), tuple(top.parent.tolist())
+    loops = loops_of(model, top)
+    freedom = freedoms(model.expanded)
+    dof = [freedom[name] for name in names] if model.beams else top.dof.tolist()
+    tree = _tree(parent, tuple(dof))
+    ends = tuple((loop.body, loop.other) for loop in loops)
+    return Graph(
         names=names,
         number={name: k for k, name in enumerate(names, 1)},
         parent=parent,
         **tree._asdict(),
         tips=frozenset(top.tips.tolist()),
         separation=frozenset(top.separation_bodies.tolist()),
-        dof=int(top.dof.sum()),
+        dof=sum(dof),
         constraints=touching(model),
         loops=loops,
         layout=_layout(parent, tuple(map(len, names)), ends),
-        positions=np.asarray(positions, dtype=float),
-        wxyz=to_wxyz(np.asarray(rotations, dtype=float)),
-        center=center,
-        size=size,
-        low=depth(model, bodies, parent, positions, size),
-    )  # fmt: skip
+    )
+
+
+def freedoms(whole: pg.Model) -> Counter[str]:
+    """Return the degrees of freedom of each row, of a beam those of all its segments."""
+    found, of = Counter[str](), whole.beam_of
+    for body in whole.bodies:
+        found[of.get(body.name, body.name)] += body.dof
+    return found
 
 
 class Tree(NamedTuple):
@@ -337,13 +393,14 @@ def touching(model: pg.Model) -> dict[str, tuple[str, ...]]:
 
     A contact with the same name as its body is labelled "contact".
     """
-    found: dict[str, list[str]] = {body.name: [] for body in model.bodies}
+    found: dict[str, list[str]] = {body.name: [] for body in model.rows}
+    of = {name: beam for name, beam in model.beam_of.items() if name not in found}
     shaped = [body.name for body in model.bodies if body.touching]
     for c in model.constraints:
-        for name in c.touches:
+        for name in dict.fromkeys(of.get(name, name) for name in c.touches):
             found[name].append(c.name)
     for contact in model.contacts:
-        ends = {contact.body, contact.other}
+        ends = {of.get(name, name) for name in (contact.body, contact.other)}
         for name in {*ends, *(shaped if "*" in ends else ())} & found.keys():
             found[name].append(CONTACT if contact.name == name else contact.name)
     for body in model.bodies:

@@ -11,6 +11,7 @@ import pgraph_core as pg
 from .. import pose
 from ..core.events import FromPage, ModelEdit, Text
 from ..core.state import with_client
+from ..properties.update import row_named, rows_edited
 
 
 @dataclass(frozen=True)
@@ -40,8 +41,8 @@ class Drop(ModelEdit):
     def edit(self, state: State) -> tuple[pg.Model, str]:
         body, parent = self.body, self.parent
         if not self.loop:
-            return state.model.edit(body, parent=parent), f"parent of {body}"
-        if state.model.body(body).parent == parent:
+            return rows_edited(state.model, {body: {"parent": parent}}), f"parent of {body}"
+        if row_named(state.model, body).parent == parent:
             text = f"{parent} is its parent already; a loop needs another body"
             raise pg.ModelError(pg.Problem(f"body '{body}'", "parent", text))
         return state.model.close_loop(body, parent), f"loop {body}-{parent}"

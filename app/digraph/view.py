@@ -9,6 +9,7 @@ import numpy as np
 
 import pgraph_core as pg
 
+from ..core.state import freedoms
 from ..core.views import Host, Payload, Place, hue, topic
 from ..pose.solving import home, shown_q
 from . import Client, State
@@ -18,16 +19,19 @@ SAMPLE = 0.3  # [rad, m] sample motion of joints in a frame update from the init
 
 def digraph(state: State) -> Payload:
     """Return the positions, numbers and kinds of nodes, the two vectors, the constraints."""
-    d = state.derived
-    bodies = [state.model.body(name) for name in d.names]
+    d, dof = state.graph, freedoms(state.whole)
+    rows = {body.name: body for body in state.model.rows}
+    masses = {b.name: b.mass for b in state.model.bodies}
+    masses |= {b.name: b.stiff.rho_a * b.extent for b in state.model.beams}
+    bodies, beams = [rows[name] for name in d.names], {beam.name for beam in state.model.beams}
     return {
         **vars(d.layout),
         "names": d.names,
         "parent": d.parent,
-        "dof": [body.dof for body in bodies],
-        "joints": [body.joint for body in bodies],
+        "dof": [dof[name] for name in d.names],
+        "joints": ["beam" if body.name in beams else body.joint for body in bodies],
         "sites": [[s.name for s in state.model.sites if s.body == name] for name in d.names],
-        "masses": [body.mass for body in bodies],
+        "masses": [masses[name] for name in d.names],
         "colors": [hue(k) for k in d.branches],
         "tips": sorted(d.tips),
         "separation": sorted(d.separation),
@@ -38,27 +42,28 @@ def digraph(state: State) -> Payload:
 
 
 def _walked(state: State, page: Client) -> tuple[object, ...]:
-    return page.walk, page.walk and state.derived, page.walk == "frames" and state.pose
+    return page.walk, page.walk and state.graph, page.walk == "frames" and state.pose
 
 
 def walk(state: State, page: Client) -> Payload:
     """Return the steps for a page to walk through, from Fig. 4, Fig. 8 or neither."""
     what = page.walk
     if what == "pgraph":
-        d = state.derived
-        dof = [state.model.body(name).dof for name in d.names]
+        d = state.graph
+        of = freedoms(state.whole)
+        dof = [of[name] for name in d.names]
         return {"kind": what, "steps": [step._asdict() for step in seven_steps(d.parent, dof)]}
     return frame_update(state) if what == "frames" else {"kind": ""}
 
 
 def frame_update(state: State) -> Payload:
     """Return the trace of Fig. 8 from the initial state to the shown one, or a sample step."""
-    start, end = home(state.model), shown_q(state)
+    start, end = home(state.whole), shown_q(state)
     said = "from the initial pose to the one shown"
     if np.array_equal(start, end):
-        end = sampled(state.model)
+        end = sampled(state.whole)
         said = f"from the initial pose, joints moved by {SAMPLE}"
-    trace = pg.frame_update_trace(state.model, start, end)
+    trace = pg.frame_update_trace(state.whole, start, end)
     steps = [{**visit._asdict(), "does": does} for visit, does in trace.steps]
     return {"kind": "frames", "from": said, "steps": steps}
 
@@ -125,6 +130,6 @@ def _back(tip: int, i: int, again: bool) -> Step:
 
 
 VIEWS = (
-    Place(topic("digraph", digraph, "derived"), 20, Host("digraph", "left", "Bodies")),
+    Place(topic("digraph", digraph, "graph"), 20, Host("digraph", "left", "Bodies")),
     Place(topic("steps", walk, page=_walked), 20),
 )

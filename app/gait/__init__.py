@@ -217,7 +217,7 @@ class Play(FromPage):
         if state.going is not None:
             return at_its_end(state, replace(state.going, running=True))
         if state.t_end <= state.t_start:
-            known = state.run is not None or not state.model.bodies
+            known = state.run is not None or not state.model.rows
             return state if known else Simulate(self.client).applied(state)
         again = state.playback.time >= state.t_end
         return at(state, state.t_start if again else state.playback.time, True)

@@ -354,11 +354,7 @@ def shown_model(
         problem = problem or too_many(vars(model))
     if model is None or problem:
         return told(state, client, Notice(f"{name} was not opened", problem, bad=True))
-    state = edit.replaced(state, model, f"open {name}")
-    if not model.beams:
-        return state
-    text = f"{'; '.join(state.model.notices)}. Save it under another name to keep the beams."
-    return told(state, client, Notice(f"{name} has beams", text))
+    return edit.replaced(state, model, f"open {name}")
 
 
 def recovered(state: State, kept: tuple[Kept, ...], given: str) -> State:

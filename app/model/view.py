@@ -59,7 +59,7 @@ def toolbar(state: State, client: int) -> Payload:
 def counts(model: pg.Model) -> dict[str, int]:
     """Count the parts in each tab of the model."""
     tied = len(model.constraints) + len(model.contacts) + len(model.forces)
-    return {"Bodies": len(model.bodies), "Connections": tied, "Scenarios": len(model.scenarios)}
+    return {"Bodies": len(model.rows), "Connections": tied, "Scenarios": len(model.scenarios)}
 
 
 def unsaved(state: State) -> bool:
@@ -114,7 +114,8 @@ class LinkView:
 
 def drawn(model: pg.Model) -> str:
     """Draw a model in its home position, as SVG text."""
-    return pictures(model, [pg.home_poses(model)])[0]
+    whole = model.expanded
+    return pictures(whole, [pg.home_poses(whole)])[0]
 
 
 VIEWS = (

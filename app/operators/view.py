@@ -86,7 +86,7 @@ class Now:
 
     @cached_property
     def topology(self) -> pg.Topology:
-        return pg.Topology.of(self.state.model)
+        return pg.Topology.of(self.state.whole)
 
     @cached_property
     def paper(self) -> Operators:
@@ -99,7 +99,7 @@ class Now:
 
     @cached_property
     def mech(self) -> pg.Mechanism:
-        return pg.Mechanism(self.state.model)
+        return pg.Mechanism(self.state.whole)
 
     @cached_property
     def J(self) -> np.ndarray:
@@ -386,7 +386,7 @@ def sides(state: State, what: str) -> dict[str, tuple[list[Any], list[str]]]:
     motions = [
         (k, name if dof == 1 else f"{name} {i + 1}")
         for k, name in bodies
-        for dof in [state.model.body(name).dof]
+        for dof in [state.whole.body(name).dof]
         for i in range(dof)
     ]
     tips = [(k, d.names[k - 1]) for k in sorted(d.tips)]

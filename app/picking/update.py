@@ -19,7 +19,7 @@ from ..core.events import Finite, FromPage, Index, OfServer, Request, Text
 from ..core.rows import refuse_moved
 from ..core.state import Notice, told, with_client
 from ..pose import poses
-from ..properties.body_cells import edit_of
+from ..properties.update import row_edit, row_named, rows_edited
 from ..scene import View, ties
 from ..signals import clicked as signal_of
 from . import GROUND, Aim, Spot, State
@@ -189,7 +189,9 @@ def taken(state: State, client: int, aim: Aim, found: Spot) -> State:
         model = state.model
         entries = tuple(((*aim.index, k), repr(x)) for k, x in enumerate(vector))
         if aim.part is None:
-            return model.edit(of, **edit_of(model, model.body(of), aim.field, entries, Display()))
+            row = row_named(model, of)
+            change = row_edit(model, row, aim.field, entries, Display())
+            return rows_edited(model, {of: change})
         d = state.derived
         at = places.at_home(d.names, d.positions, d.wxyz)
         return parts.changed(model, aim.part, of, aim.field, entries, Display(), at)
@@ -225,9 +227,10 @@ def _owner(state: State, aim: Aim) -> str | None:
             return places[aim.index[0]].body if aim.index[0] < len(places) else None
         return getattr(item, "other" if aim.field.startswith("other_") else "body", None)
     body = aim.bodies[0] if aim.bodies else ""
-    if body not in state.derived.number:
+    if body not in state.graph.number:
         return None
-    return state.model.body(body).parent if aim.field == OF_PARENT else body
+    row = row_named(state.model, body)
+    return row.parent if isinstance(row, pg.Beam) or aim.field == OF_PARENT else body
 
 
 def place(state: State, name: str) -> tuple[np.ndarray, np.ndarray]:

@@ -13,8 +13,10 @@ import pgraph_core as pg
 from pgraph_core import joints
 from pgraph_core.errors import counted
 from pgraph_core.model.output import OF_JOINT
+from pgraph_core.model.segments import segment
 from pgraph_core.packing.signals import known_forces
 from pgraph_core.pulleys import without_segment
+from pgraph_core.result.beams import MOMENT, columns_of_beams
 from pgraph_core.result.bodies import all_forces, units_of_drives
 from pgraph_core.result.columns import columns_of_states
 from pgraph_core.result.records import FREE
@@ -144,6 +146,18 @@ def drifts(run: pg.Result, _: str) -> tuple[Sequence[str], np.ndarray]:
     return ("position", "velocity"), run.constraint_drift
 
 
+def moments(run: pg.Result, beam: str) -> tuple[Sequence[str], np.ndarray]:
+    """Return the bending and twisting moments of a beam next to its root."""
+    first = f"{MOMENT}.{segment(beam, 1)}"
+    found = {name: x for name, (_, x) in columns_of_beams(run).items() if name.startswith(first)}
+    return [name[len(first) + 1 :] for name in found], np.stack(list(found.values()), axis=1)
+
+
+def space_error(run: pg.Result, _: str) -> tuple[Sequence[str], np.ndarray]:
+    """Return the estimated error of the segments of beams so far."""
+    return ("",), run.space_error_at[:, None]
+
+
 KINDS = {
     POSES: Kind("poses", "", lambda run, _: ((), np.zeros((len(run.t), 0)))),
     "q": Kind("joint position", "rad, m, 1", joint("q", "q")),
@@ -158,6 +172,8 @@ KINDS = {
     "joint_torque": Kind("joint torque", "N m", body("joint_force", 0)),
     "energy": Kind("energy", "J", energies),
     "drift": Kind("constraint drift", "m, m/s", drifts),
+    "moment": Kind("moment at the root of", "N m", moments),
+    "space_error": Kind("error in space", "m", space_error),
     "constraint_force": Kind("force of", "N", named("constraint_force", 3)),
     "constraint_torque": Kind("torque of", "N m", named("constraint_force", 0)),
     "pressure_angle": Kind("pressure angle of", "rad", of_cam("pressure_angle")),
@@ -192,7 +208,8 @@ SI = Display()
 def of_body(model: pg.Model, name: str) -> list[Signal]:
     """Return the available signals for a body."""
     moves = model.body(name).dof > 0
-    return [Signal(kind, name) for kind in OF_BODIES if moves or kind not in OF_JOINTS]
+    found = [Signal(kind, name) for kind in OF_BODIES if moves or kind not in OF_JOINTS]
+    return [*found, *([Signal("moment", name)] if name in model.segments else [])]
 
 
 def of_several(model: pg.Model, names: Sequence[str]) -> list[Signal]:
@@ -246,6 +263,9 @@ def of_scene(run: pg.Result) -> list[Signal]:
     found = [Signal(POSES, SCENE), Signal("energy", SCENE)]
     if run.constraint_force:
         found.append(Signal("drift", SCENE))
+    if len(run.space_error_at):
+        found.append(Signal("space_error", SCENE))
+    found += [Signal("moment", name) for name in run.mechanism.model.segments]
     kinds = {c.name: c.kind for c in run.mechanism.model.constraints}
     for name in run.constraint_force:
         found.append(Signal("constraint_force", name))

@@ -29,7 +29,8 @@ def ready(run: pg.Result, selected: Sequence[str]) -> list[Ready]:
     """Return what can be plotted at once. Without a selection, these are all bodies and parts."""
     model = run.mechanism.model
     selected = [name for name in selected if name in run.mechanism.names]
-    names = selected or list(run.mechanism.names)
+    of = model.beam_of  # of a beam its tip, not its segments
+    names = selected or [name for name in run.mechanism.names if of.get(name, name) == name]
     moving = [name for name in names if model.body(name).dof]
     parts = (*model.constraints, *model.contacts, *model.forces)
     meant = {part.name for part in parts if not selected or {"*", *names} & {*part.touches}}
@@ -49,6 +50,10 @@ def ready(run: pg.Result, selected: Sequence[str]) -> list[Ready]:
             *of_parts(run, "constraint_force", (meant - strung) & run.constraint_force.keys()),
             *of_cables(run, meant & strung),
             *of_parts(run, "contact_force", meant & run.contact_force.keys()),
+        ]),
+        Ready("Beams", [
+            *(Signal("moment", name) for name in model.segments if name in names),
+            *([Signal("space_error", SCENE)] if model.segments else []),
         ]),
         Ready("Energy", [Signal("energy", SCENE)]),
         Ready("Poses", [Signal(POSES, SCENE)]),

@@ -92,10 +92,10 @@ def recorded(state: State) -> tuple[object, ...]:
 
 def signals(state: State, client: Client) -> Payload:
     """Return the signals available for the selected body and for the run."""
-    name, several = client.selection, [n for n in client.selected if n in state.derived.number]
-    of = [] if name is None or name not in state.derived.number else of_body(state.model, name)
+    name, several = client.selection, [n for n in client.selected if n in state.graph.number]
+    of = [] if name is None or name not in state.graph.number else of_body(state.whole, name)
     if len(several) > 1:
-        name, of = f"{len(several)} bodies", of_several(state.model, several)
+        name, of = f"{len(several)} bodies", of_several(state.whole, several)
     scene = of_scene(state.plotted.result) if state.plotted is not None else []
     parts = [] if state.plotted is None else [state.plotted.result]
     if state.live is not None:
@@ -109,7 +109,7 @@ def signals(state: State, client: Client) -> Payload:
         "idle": [[s.kind, s.of, title(s)] for s in rest],
         "ready": [] if state.plotted is None else ready(state.plotted.result, several),
         "idle_title": f"{counted(len(apart), 'contact')} that never touched",
-        "hint": "" if state.plotted else NOTHING if state.model.bodies else EMPTY,
+        "hint": "" if state.plotted else NOTHING if state.model.rows else EMPTY,
     }
 
 

@@ -42,7 +42,7 @@ def shown_q(state: State) -> np.ndarray:
     if (pose := state.pose) is not None:
         return pose.q
     if state.run is None:
-        return home(state.model)
+        return home(state.whole)
     return np.asarray(state.run.result.q[_frame(state.run, state.playback.time)])
 
 
@@ -53,9 +53,9 @@ def shown_coordinate(state: State) -> Callable[[str, int], float]:
     def coordinate(name: str, k: int) -> float:
         if not places:
             first = 0
-            for body in bodies_of(state.model, pg.Topology.of(state.model)):
+            for body in bodies_of(state.whole, pg.Topology.of(state.whole)):
                 places[body.name], first = first, first + len(body.q)
-        place = places_of(state.model.body(name).sequence)[k]
+        place = places_of(state.whole.body(name).sequence)[k]
         assert place is not None, "it is a hinge or slider"
         return float(shown_q(state)[places[name] + place])
 
@@ -95,10 +95,10 @@ def home(model: pg.Model) -> np.ndarray:
 def coordinates(state: State, names: Container[str] | None = None) -> list[Coordinate]:
     """Return every joint coordinate at the displayed pose, for all bodies or those in `names`."""
     q, reach = shown_q(state), 2 * state.derived.size
-    bodies = bodies_of(state.model, pg.Topology.of(state.model))
+    bodies = bodies_of(state.whole, pg.Topology.of(state.whole))
     found = []
     for body, place in zip(bodies, q_slices(bodies)):
-        if names is not None and body.name not in names:
+        if body.name not in state.model.row or (names is not None and body.name not in names):
             continue
         for i, (label, value, low, high, near, unit) in enumerate(_of_joint(body, q[place], reach)):
             low, high = min(low, value), max(high, value)
@@ -188,7 +188,7 @@ def posed(state: State, name: str, index: int, value: float) -> Pose:
 
     Raises PgraphError with the message to display if the loops cannot be closed.
     """
-    model, top, q = state.model, pg.Topology.of(state.model), shown_q(state)
+    model, top, q = state.whole, pg.Topology.of(state.whole), shown_q(state)
     number = top.number(name)
     place = q_slices(bodies_of(model, top))[number - 1]
     body = model.body(name)
@@ -206,10 +206,10 @@ def dragged(
     Free joints of other bodies do not move, so that an animal stays where it is. Raises
     PgraphError if the loops cannot be closed.
     """
-    body = state.model.body(name)
+    body = state.whole.body(name)
     if not state.kernels.ready:
         raise _cannot(body, "the kernels that close loops are still being compiled")
-    mech = pg.Mechanism(state.model)
+    mech = pg.Mechanism(state.whole)
     still = np.zeros(mech.nv, bool)
     for other, joint in mech.joints.items():
         still[joint.v] = joint.v.stop - joint.v.start == 6 and other != name
@@ -221,7 +221,7 @@ def dragged(
 
 def pose_at(state: State, q: np.ndarray) -> Pose:
     """Return the pose of the model's bodies at q."""
-    positions, rotations = frames(state.model, pg.Topology.of(state.model), q)
+    positions, rotations = frames(state.whole, pg.Topology.of(state.whole), q)
     return Pose(state.model, state.run, state.playback.time, q, positions, to_wxyz(rotations))
 
 
@@ -229,7 +229,7 @@ def closed(state: State, body: pg.Body, index: int, q: np.ndarray) -> np.ndarray
     """Find the closest q that satisfies the constraints, with one coordinate fixed."""
     if not state.kernels.ready:
         raise _cannot(body, "the kernels that close loops are still being compiled")
-    model, held = state.model, None
+    model, held = state.whole, None
     if all(m.kind in AXIAL for m in body.sequence):
         goal = {"kind": "polynomial", "coefficients": [float(q[_first(model, body) + index])]}
         held = pg.Constraint(
@@ -245,7 +245,7 @@ def closed(state: State, body: pg.Body, index: int, q: np.ndarray) -> np.ndarray
         found, _, _ = mech.assemble(q, np.zeros(mech.nv))
     except pg.PgraphError:
         raise _cannot(body, "the loops cannot be closed there") from None
-    place = _first(state.model, body)
+    place = _first(state.whole, body)
     stays = np.abs(found - q)[place : place + len(body.q)]
     if not held and float(stays.max(initial=0.0)) > HELD:
         raise _cannot(body, "the constraints hold it")

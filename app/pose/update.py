@@ -174,7 +174,7 @@ class DragBody(FromPage):
     collapses = True
 
     def applied(self, state: State) -> State:
-        if self.body not in state.model.row:
+        if self.body not in state.derived.number:
             return state
         try:
             pose = solving.dragged(state, self.body, self.point, self.target)
@@ -193,6 +193,6 @@ class Pull(FromPage):
     collapses = True
 
     def applied(self, state: State) -> State:
-        if self.body not in state.model.row:
+        if self.body not in state.derived.number:
             return state
         return replace(state, pull=self if self.target is not None else None)

@@ -130,7 +130,8 @@ class Gizmos:
         for client in self._drawn.keys() - state.clients.keys():
             del self._drawn[client]
         for client, page in state.clients.items():
-            wanted = (page.selection, page.gizmo) if page.selection and page.gizmo else None
+            body = page.selection if page.selection in state.model.row else None
+            wanted = (body, page.gizmo) if body and page.gizmo else None
             drawn = self._drawn.get(client)
             if drawn is not None and (rebuilt or (drawn.body, drawn.what) != wanted):
                 drawn.frame.remove()

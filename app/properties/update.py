@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,13 +18,13 @@ from pgraph_core.mesh_files import FORMATS, load_mesh
 from pgraph_core.model.shape import mass_properties, mass_properties_of
 
 from ..core import cells
-from ..core.cells import Refusal
+from ..core.cells import Display, Refusal
 from ..core.edit import edited
 from ..core.events import Chosen, Entries, ModelEdit, OfBodies, Text
 from ..core.state import Notice, display_of, replied, told
 from ..model import Found, sent, sent_file
 from ..model.archive import mesh_folder
-from . import State
+from . import State, beam_cells
 from . import world as world  # its events
 from .body_cells import edit_of, mended, rod_of
 from .length import stretched
@@ -72,7 +73,7 @@ class EditBodies(Typed, ModelEdit):
             return after
         kept = [
             body.name
-            for body in map(after.model.body, self.bodies)
+            for body in (after.model.body(x) for x in self.bodies if x in after.model.row)
             if "inertia" not in body.derived
             and np.any(body.inertia)
             and body.mass != before.model.body(body.name).mass
@@ -128,13 +129,26 @@ def _label(event: Typed) -> str:
 def _changes(state: State, event: Typed) -> dict[str, dict[str, Any]]:
     display, changes = display_of(state, event.client), {}
     for name in event.bodies:
-        body = state.model.body(name)
+        row = row_named(state.model, name)
         try:
-            changes[name] = edit_of(state.model, body, event.field, event.entries, display)
+            changes[name] = row_edit(state.model, row, event.field, event.entries, display)
         except Refusal as refusal:
             field = LABELS.get(event.field, event.field.replace("_", " "))
-            raise Refusal(f"body '{name}', {field}: {refusal}") from None
+            raise Refusal(f"{row.word()} '{name}', {field}: {refusal}") from None
     return changes
+
+
+def row_named(model: pg.Model, name: str) -> pg.Body | pg.Beam:
+    """Return the body or beam of a row of the table. Raises ModelError."""
+    return next((beam for beam in model.beams if beam.name == name), None) or model.body(name)
+
+
+def row_edit(
+    model: pg.Model, row: pg.Body | pg.Beam, field: str, entries: Entries, display: Display
+) -> dict[str, Any]:
+    """Return the arguments of `model.edit` that store text typed for a row. Raises Refusal."""
+    of = beam_cells.edit_of if isinstance(row, pg.Beam) else edit_of
+    return of(model, row, field, entries, display)  # type: ignore[arg-type]
 
 
 def _edited(state: State, event: Typed) -> pg.Model:
@@ -143,10 +157,18 @@ def _edited(state: State, event: Typed) -> pg.Model:
     if event.field == LENGTH:
         return _stretched(state, event)
     changes = _changes(state, event)
-    if len(changes) == 1:
-        ((name, change),) = changes.items()
-        return state.model.edit(name, **change)
-    return state.model.edit_all(changes)
+    return rows_edited(state.model, changes)
+
+
+def rows_edited(model: pg.Model, changes: Mapping[str, Mapping[str, Any]]) -> pg.Model:
+    """Return the model with changed fields of bodies and beams. Raises PgraphError."""
+    bodies = {name: change for name, change in changes.items() if name in model.row}
+    for name in changes.keys() - bodies.keys():
+        model = model.edit(name, kind="beam", **changes[name])
+    if len(bodies) == 1:
+        ((name, change),) = bodies.items()
+        return model.edit(name, **change)
+    return model.edit_all(bodies) if bodies else model
 
 
 def _stretched(state: State, event: Typed) -> pg.Model:

@@ -26,7 +26,7 @@ from ..core.cells import (
     shown,
 )
 from ..core.views import Host, Payload, Place, hue, topic
-from . import Client, State, track_cells
+from . import Client, State, beam_cells, track_cells
 from .body_cells import (
     ALL,
     DERIVED,
@@ -70,19 +70,20 @@ def _seen(state: State, page: Client) -> tuple[tuple[str, ...], Display]:
 def properties(state: State, names: tuple[str, ...], display: Display | None = None) -> Payload:
     """Return the properties of these bodies, or of the model if there are none."""
     display = display or Display()
-    known = [name for name in names if name in state.derived.number]
+    beams = {beam.name: beam for beam in state.model.beams}
+    known = [name for name in names if name in state.model.row or name in beams]
     if not known:
         return {"bodies": [], "ids": [], "display": vars(display), **world(state, display)}
-    bodies = [state.model.body(name) for name in known]
+    bodies = [beams.get(name) or state.model.body(name) for name in known]
     several = len(bodies) > 1
-    number = state.derived.number[known[0]]
-    ids = state.rows.named(state.model, "bodies")
-    forms = [groups(state.model, body, display) for body in bodies]
+    number = state.graph.number[known[0]]
+    ids = state.ids
+    forms = [form_of(state.model, row, display) for row in bodies]
     return {
         "bodies": known,
         "ids": [ids[name] for name in known],
         "title": f"{len(bodies)} bodies" if several else known[0],
-        "color": hue(state.derived.branches[number - 1]),
+        "color": hue(state.graph.branches[number - 1]),
         "number": None if several else number,
         "subtitle": "An edit changes all of them" if several else "on",
         "parent": None if several else bodies[0].parent,
@@ -90,6 +91,13 @@ def properties(state: State, names: tuple[str, ...], display: Display | None = N
         "display": vars(display),
         "parameters": sorted(state.model.parameters),
     }
+
+
+def form_of(model: pg.Model, row: pg.Body | pg.Beam, display: Display) -> list[Payload]:
+    """Return the fields of a row of the table, a body or a beam."""
+    if isinstance(row, pg.Beam):
+        return beam_cells.form(model, row, display, ROTATIONS[display.turn])
+    return groups(model, row, display)
 
 
 def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:

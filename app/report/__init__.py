@@ -143,7 +143,7 @@ class Analyse(FromPage):
     def applied(self, state: State) -> State:
         if state.analysis is not None:
             return state
-        if not state.model.bodies:
+        if not state.model.rows:
             return replace(state, analysis_problem="No bodies yet: add one to the table.")
         return started(state, Analysis, self.kind, state.request, state.reporting)
 

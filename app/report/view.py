@@ -58,7 +58,7 @@ def reports(state: State) -> Payload:
         "t_end": asked.t_end,
         "axis": asked.axis or first_axis(state.model),
         "axes": [[name, name.replace("_", " ")] for name in applicable(state.model)],
-        "empty": not state.model.bodies,
+        "empty": not state.model.rows,
         "job": None if now is None else {"kind": now.kind, "fraction": now.fraction},
         "problem": state.analysis_problem,
         "results": [

@@ -214,6 +214,11 @@ class State(state.State):
         return "This is a live run" if run.ended else "The settings of the run were changed"
 
     @property
+    def whole(self) -> pg.Model:
+        run = self.run
+        return super().whole if run is None else run.whole
+
+    @property
     def plotted(self) -> Run | None:
         """The run used for plots, which is the current run or the run before the last edits."""
         return self.run or self.earlier

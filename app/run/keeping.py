@@ -17,7 +17,7 @@ def unkept(state: State) -> bool:
     """Check whether the next run has other settings than its scenario, or a free run than usual."""
     own = {s.name: Request.of(s) for s in state.model.scenarios}
     usual = own.get(state.request.scenario, Request())
-    return bool(state.model.bodies) and (state.request != usual or state.set_gait is not None)
+    return bool(state.model.rows) and (state.request != usual or state.set_gait is not None)
 
 
 def kept(state: S, client: int) -> S:

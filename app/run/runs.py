@@ -103,6 +103,11 @@ class Run:
         """The foot contact changes during the run."""
         return changes(self.result) if self.walked is None else self.walked
 
+    @property
+    def whole(self) -> pg.Model:
+        """The model with the segments that the beams have in this run."""
+        return self.result.mechanism.model if self.model.beams else self.model
+
     @cached_property
     def usual_force(self) -> float:
         """Return the largest force [N] of constraints and contacts, ignoring the shortest impacts.
@@ -123,8 +128,9 @@ class Run:
 
     @cached_property
     def _looks(self) -> list[Look]:
-        top = pg.Topology.of(self.model)
-        drawn = [self.model.body(name) for name in top.names]
+        whole = self.whole
+        top = pg.Topology.of(whole)
+        drawn = [whole.body(name) for name in top.names]
         parent = tuple(top.parent.tolist())
         return looks(drawn, children_of(parent), shapes.branch_colors(parent))
 
@@ -140,7 +146,7 @@ class Run:
             return np.zeros((0, 3))
         few = pose[np.linspace(0, len(pose) - 1, MOMENTS).astype(int)]
         boxes = [p[:, :3] if len(p) > FEW else self._corners(p) for p in few]
-        gone = self.travels * few[:, led(self.model), :3].mean(axis=1)
+        gone = self.travels * few[:, led(self.whole), :3].mean(axis=1)
         corners = np.concatenate([box - way for box, way in zip(boxes, gone)])
         fits = np.ptp(corners, axis=0).max() <= IN_PLACE * self.size  # False for nan
         return corners if fits else np.zeros((0, 3))
@@ -152,5 +158,5 @@ class Run:
         pose = np.asarray(self.result.body_pose)
         if not pose.size:
             return np.zeros(3)
-        way = np.ptp(pose[:, led(self.model), :3].mean(axis=1), axis=0)
+        way = np.ptp(pose[:, led(self.whole), :3].mean(axis=1), axis=0)
         return (way > TRAVELS * self.size).astype(float)

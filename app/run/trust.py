@@ -14,6 +14,7 @@ from pgraph_core.integrators import METHODS
 from pgraph_core.joints import units_of
 from pgraph_core.model.settings import METHOD_NAMES
 from pgraph_core.result.records import Status
+from pgraph_core.tolerances import VISIBLE
 
 from ..core.views import Payload
 from . import Run, State
@@ -21,6 +22,7 @@ from . import Run, State
 POOR = 1e-2  # relative error or drift above which a run is rough
 WORDS = {"contact_fallbacks": "times contacts by the slower solver"}
 LOADING = "Its fast code is being loaded. For a new kind of model it is compiled, up to a minute."
+SPACE = "Error in space"
 ERROR, ENERGY, LOOPS = "Error estimate", "Energy drift", "Constraint drift"
 METHOD, NOTE = "Method", "Note"
 SINGULAR = "More than one motion is possible from there. The report tells when it was passed."
@@ -49,7 +51,7 @@ def trust(
     if state.instead:
         return _told("", "Motion capture", f"Play shows {state.instead}.")
     if run is None:
-        why = f"Play computes {state.request.t_end:g} s of motion." if state.model.bodies else ""
+        why = f"Play computes {state.request.t_end:g} s of motion." if state.model.rows else ""
         return _told("", "No run yet", why)
     if state.earlier is not None:
         return _told(
@@ -134,7 +136,7 @@ def drift(result: Any) -> str:
 
 def felt(run: Run) -> str:
     """Return the error estimate as lengths and angles, such as "about 3 mm, 0.2°"."""
-    motions = [motion for body in run.model.bodies for motion in body.sequence]
+    motions = [motion for body in run.model.expanded.bodies for motion in body.sequence]
     units = {unit for motion in motions for unit in units_of(motion)[1]}
     error, turns = float(run.result.error_estimate), "rad" in units
     small, parts = True, list[str]()
@@ -163,7 +165,7 @@ def length(metres: float) -> str:
 
 def below(run: Run) -> list[tuple[str, str, bool, str]]:
     """Return the facts below a verdict, those that it does not say: what is good."""
-    shown = (METHOD, ENERGY, ERROR)
+    shown = (METHOD, ENERGY, ERROR, SPACE)
     return brief([line for line in summary(run) if line[0] in shown and line[2]])
 
 
@@ -214,6 +216,11 @@ def summary(run: Run) -> list[Line]:
         position, velocity = result.constraint_drift.max(axis=0)
         value = f"{position:.2g} m, {velocity:.2g} m/s"
         lines.append((LOOPS, value, bool(position < POOR)))
+    if run.model.beams and math.isfinite(result.space_error):
+        counts = {name: sum(some) for name, some in run.whole.segments.items()}
+        cells = ", ".join(f"{n} segments of {name}" for name, n in counts.items())
+        rough = VISIBLE * max(beam.extent for beam in run.model.beams)
+        lines.append((SPACE, f"{length(result.space_error)}: {cells}", result.space_error < rough))
     lines.append(("Cost", cost(result), True))
     lines += [(NOTE, text, True) for text in result.notices]
     return [line for line in lines if line[1] and not line[1].startswith("nan")]

@@ -32,7 +32,7 @@ def run(state: State) -> Payload:
         "form": form(request, idle_step(state)),
         "keeps": keeps(state),
         "method": METHOD_NAMES[request.method].partition(" (")[0],
-        "empty": not state.model.bodies,
+        "empty": not state.model.rows,
         "kernels": kernels(state),
         "job": job(state),
         "live": live(state),

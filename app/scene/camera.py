@@ -185,7 +185,7 @@ def viewpoint(state: State, aspect: float, free: float = 1.0) -> Viewpoint:
 
 def start(state: State) -> np.ndarray:
     """Return the (3,) unit vector from the model to the camera for the start view."""
-    drawn = [state.model.body(name) for name in state.derived.names]
+    drawn = [state.whole.body(name) for name in state.derived.names]
     return stage.start(state.model.up, drawn, shapes.to_matrix(state.derived.wxyz))
 
 
@@ -281,11 +281,11 @@ def followed(state: State) -> tuple[float, float, float]:
     """
     along = travelled(state)
     home = np.asarray(state.derived.positions)
-    start = home[led(state.model)].mean(axis=0) if along.any() else home
+    start = home[led(state.whole)].mean(axis=0) if along.any() else home
     x, y, z = along * (middle(state) - start) if along.any() else along
     return round(float(x), 6), round(float(y), 6), round(float(z), 6)
 
 
 def middle(state: State) -> np.ndarray:
     """Return the mean (3,) of the origins of the bodies that the camera follows, as drawn."""
-    return np.asarray(poses(state)[0])[led(state.model)].mean(axis=0)
+    return np.asarray(poses(state)[0])[led(state.whole)].mean(axis=0)

@@ -82,7 +82,7 @@ def showable(state: State) -> tuple[tuple[str, str], ...]:
         ("footprints", "footprints", any(len(c.points) == 1 for c in model.contacts)),
         ("follow", "camera follows", any(body.floats for body in model.bodies)),
     ]
-    return tuple((what, label) for what, label, there in found if there and model.bodies)
+    return tuple((what, label) for what, label, there in found if there and model.rows)
 
 
 def _joined(model: pg.Model) -> bool:
@@ -94,8 +94,10 @@ def _joined(model: pg.Model) -> bool:
 def looks(state: State, before: Sequence[Look] = ()) -> list[Look]:
     """Return the appearance of the bodies by number."""
     d = state.derived
-    drawn = [state.model.body(name) for name in d.names]
-    colors = [shapes.COATS[shapes.hue_of(branch)] for branch in d.branches]
+    drawn = [state.whole.body(name) for name in d.names]
+    graph, row = state.graph, state.row_of
+    branches = (graph.branches[graph.number[row(name)] - 1] for name in d.names)
+    colors = [shapes.COATS[shapes.hue_of(branch)] for branch in branches]
     return bodies.looks(drawn, d.children, colors, before, "branches" in state.shown)
 
 
@@ -107,7 +109,7 @@ def axes(state: State) -> Local:
     d, half = state.derived, 0.13 * state.derived.grain
     found: dict[int, list[Any]] = defaultdict(list)
     for k, name in enumerate(d.names, 1):
-        body = state.model.body(name)
+        body = state.whole.body(name)
         for i, axis in enumerate(body.axes):
             a = half / math.hypot(*axis) * np.asarray(axis)
             if i == len(body.axes) - 1:
@@ -121,7 +123,7 @@ def axes(state: State) -> Local:
 
 def tracks(state: State) -> Local:
     """Return the lines of `tracks_of` the model, which are found once."""
-    return tracks_of(state.model)
+    return tracks_of(state.whole)
 
 
 @of_model
@@ -151,7 +153,7 @@ def links(state: State) -> Local:
     """Return lines from each body's origin to the points where its children are attached."""
     d = state.derived
     return {
-        k: np.array([(np.zeros(3), state.model.body(d.names[child - 1]).link) for child in below])
+        k: np.array([(np.zeros(3), state.whole.body(d.names[child - 1]).link) for child in below])
         for k, below in enumerate(d.children)
         if below
     }
@@ -163,14 +165,14 @@ def spine(state: State) -> Local:
     found.pop(0, None)
     for k, below in enumerate(d.children):
         if k and not below:
-            found[k] = np.array([(np.zeros(3), state.model.body(d.names[k - 1]).tip_point)])
+            found[k] = np.array([(np.zeros(3), state.whole.body(d.names[k - 1]).tip_point)])
     return found
 
 
 def coms(state: State) -> Local:
     """Centres of mass."""
     names = enumerate(state.derived.names, 1)
-    return {k: np.array([state.model.body(name).com]) for k, name in names}
+    return {k: np.array([state.whole.body(name).com]) for k, name in names}
 
 
 def frames(state: State) -> Local:
@@ -193,7 +195,7 @@ def sites(state: State) -> Local:
 def points(state: State) -> Local:
     """Return the points of contacts and constraints on their bodies."""
     found: dict[int, list[Any]] = defaultdict(list)
-    model, number = state.model, state.derived.number
+    model, number = state.whole, state.derived.number
     for contact in model.contacts:
         if contact.body in number:
             found[number[contact.body]] += contact.points
@@ -208,7 +210,7 @@ def ellipsoids(state: State) -> Placed:
     """Return the equivalent ellipsoid of each body's mass and inertia, about its mass centre."""
     owner, size, turned, at = [], [], [], []
     for k, name in enumerate(state.derived.names, 1):
-        body = state.model.body(name)
+        body = state.whole.body(name)
         moments, R = np.linalg.eigh(np.asarray(body.inertia))
         if body.mass <= 0 or moments[2] <= 0:
             continue
@@ -283,7 +285,7 @@ def pushes(state: State, positions: np.ndarray, R: np.ndarray) -> list[Push]:
     """Return the constraint and contact forces of the run at the displayed time."""
     if state.run is None:
         return []
-    result, d, model = state.run.result, state.derived, state.model
+    result, d, model = state.run.result, state.derived, state.whole
     frame = min(int(np.searchsorted(result.t, state.playback.time)), len(result.t) - 1)
     found = []
     for c in model.constraints:
@@ -346,7 +348,7 @@ def scale(state: State) -> float:
         return 0.0
     largest = state.run.usual_force
     if state.live is not None:  # a live run has no fixed largest force
-        weight = 9.81 * sum(body.mass for body in state.model.bodies)
+        weight = 9.81 * sum(body.mass for body in state.whole.bodies)
         largest = max(largest, weight)
     return LONGEST * state.derived.size / largest if 0 < largest < np.inf else 0.0
 

@@ -107,7 +107,7 @@ def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> dict[str, Jo
     via points of paths, and their obstacles: balls, and drums half as long as they are wide. Wheels
     of cables that no shape shows are flat drums.
     """
-    model, number, grain = state.model, {GROUND: 0, **state.derived.number}, state.derived.grain
+    model, number, grain = state.whole, {GROUND: 0, **state.derived.number}, state.derived.grain
     found: dict[str, list[Span]] = {
         kind: [] for kind in ("springs", "rods", "muscles", "beads", "balls", "drums")
     }
@@ -217,7 +217,7 @@ def pivoted(model: pg.Model) -> list[pg.Body | pg.Constraint]:
 
 def pivots(state: State) -> Joining:
     """Create a bracket along the axis of each ground pivot, opposite to the body."""
-    d, model = state.derived, state.model
+    d, model = state.derived, state.whole
     up, R = np.array(GRID[model.up][1]), shapes.to_matrix(d.wxyz)
     ends, turns = [], []
     for pivot in pivoted(model):

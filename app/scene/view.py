@@ -127,9 +127,10 @@ class SceneView:
             self._send(OpenPart(client, cast(Part, part[0]), part[1]))
 
     def _clicked(self, client: int, number: int) -> None:
-        page = self._state.clients.get(client) if self._state else None
-        if number <= len(self._names) and not (page and page.aims):
-            self._send(Select(client, self._names[number - 1]))
+        state = self._state
+        page = state.clients.get(client) if state else None
+        if state is not None and number <= len(self._names) and not (page and page.aims):
+            self._send(Select(client, state.row_of(self._names[number - 1])))
 
     def _dragged(self, client: int, number: int, event: viser.SceneNodeDragEvent) -> None:
         """Handle a drag on a body. Its grip is fixed in body axes where the drag begins."""
@@ -165,7 +166,7 @@ class SceneView:
         self._looks = looks(state, self._looks)
         self._bodies.show(self._looks)
         self._names = state.derived.names
-        boxes = shapes.unreadable(state.model.bodies)
+        boxes = shapes.unreadable(state.whole.bodies)
         if boxes and boxes != self._boxes:
             self._send(Unreadable(boxes))
         self._boxes = boxes
@@ -175,7 +176,7 @@ class SceneView:
         assert self._bodies is not None
         self._bodies.place(positions, wxyz)
         for client, frames in self._selected.items():
-            for name, frame in zip(_filled(state.clients[client]), frames):
+            for name, frame in zip(_filled(state, state.clients[client]), frames):
                 k = state.derived.number[name] - 1
                 frame.position, frame.wxyz = positions[k], wxyz[k]
 
@@ -186,8 +187,8 @@ class SceneView:
             self._made_from.pop(client, None)
         for client, now in new.clients.items():
             before = old.clients.get(client, Client())
-            chosen = _filled(now)
-            if not rebuilt and _filled(before) == chosen:
+            chosen = _filled(new, now)
+            if not rebuilt and _filled(old, before) == chosen:
                 continue
             drawn = [self._looks[new.derived.number[name] - 1] for name in chosen]
             made_from = [(one.body, one.links, one.color, new.derived.grain) for one in drawn]
@@ -199,12 +200,15 @@ class SceneView:
             handle = self._server.get_clients().get(client)
             if chosen and handle is not None:
                 self._selected[client] = [
-                    _filling(handle, look, new.derived.grain, k) for k, look in enumerate(drawn)
+                    _filling(handle, look, new.derived.grain, k, look.body.name in new.model.row)
+                    for k, look in enumerate(drawn)
                 ]
 
 
-def _filling(client: viser.ClientHandle, look: Look, size: float, at: int) -> viser.FrameHandle:
-    """Outline and tint one body, and mark its mass centre. The page colours all of it."""
+def _filling(
+    client: viser.ClientHandle, look: Look, size: float, at: int, marked: bool
+) -> viser.FrameHandle:
+    """Outline and tint one body, and mark its mass centre if asked. The page colours all of it."""
     node = f"/selected/{at}"
     frame = client.scene.add_frame(node, show_axes=False)
     drawn = [(part, look.color, look.pieces) for part in ("outline", "behind")]
@@ -226,18 +230,20 @@ def _filling(client: viser.ClientHandle, look: Look, size: float, at: int) -> vi
             receive_shadow=False,
         )
     client.scene.add_icosphere(
-        f"{node}/centre", radius=CENTRE * size, position=look.body.com, visible=look.body.mass > 0,
+        f"{node}/centre", radius=CENTRE * size, position=look.body.com,
+        visible=look.body.mass > 0 and marked,
         cast_shadow=False, receive_shadow=False,
     )  # fmt: skip
     return at_rest(frame)
 
 
-def _filled(page: Client) -> tuple[str, ...]:
-    """Return the bodies selected on a page, the last one first."""
+def _filled(state: State, page: Client) -> tuple[str, ...]:
+    """Return the bodies drawn for the rows selected on a page, the last one first."""
     last = page.selection
     if last is None:
         return ()
-    return (last, *(name for name in page.selected if name != last))[:MOST_FILLED]
+    rows = (last, *(name for name in page.selected if name != last))
+    return state.drawn_as(rows[:MOST_FILLED])
 
 
 COLOR, OPACITY = (120, 128, 140), 0.28
@@ -260,7 +266,7 @@ class GhostView:
             self._place(ghost, new.playback.time)
 
     def _drawn(self, ghost: Run) -> list[viser.MeshHandle]:
-        of = State(ghost.model)
+        of = State(ghost.model, last_run=ghost)
         nodes = []
         for k, look in enumerate(looks(of), 1):
             solid = shapes.mesh(look.pieces)

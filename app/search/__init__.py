@@ -203,16 +203,17 @@ def _paths(model: pg.Model) -> dict[str, Words]:
         for name, *entry in OF_BODY:
             words = ("bodies", body.name, name, *entry)
             paths[".".join(map(str, words))] = words
-    for force in model.forces:
-        for name, facts in type(force).model_fields.items():
-            if "float" in str(facts.annotation):
-                paths[f"forces.{force.name}.{name}"] = ("forces", force.name, name)
+    for kind in ("forces", "beams"):
+        for part in getattr(model, kind):
+            for name, facts in type(part).model_fields.items():
+                if "float" in str(facts.annotation):
+                    paths[f"{kind}.{part.name}.{name}"] = (kind, part.name, name)
     return paths
 
 
 def signals_of(model: pg.Model) -> tuple[str, ...]:
     """Return the names of the columns of the model's runs."""
-    if not model.bodies:
+    if not model.rows:
         return ()
     try:
         run = pg.simulate(model, t_end=1e-6, frames=2, estimate=False)

@@ -318,7 +318,7 @@ def _item(model: pg.Model, part: str, name: str) -> Any:
 
 def moment(state: State) -> Moment:
     """Return the time and the coordinates of the pose shown."""
-    bodies = bodies_of(state.model, pg.Topology.of(state.model))
+    bodies = bodies_of(state.whole, pg.Topology.of(state.whole))
     q, v = shown_q(state).tolist(), shown_v(state)
     rates = [x for body in bodies for x in body.v] if v is None else v.tolist()
     return Moment(

@@ -17,6 +17,8 @@ from ..core.events import Bodies, FromPage, ModelEdit, Text
 from ..core.state import Notice, replied, told
 from ..model import Client as Client
 from ..model import State as State
+from ..properties import beam_cells
+from ..properties.update import rows_edited
 from . import paste as pasting
 
 # -- edits of one or several table rows, where each event is one undo step (pure) ------------------
@@ -40,7 +42,8 @@ class Growth(ModelEdit):
         """Return the model with more bodies and a description. Raises PgraphError."""
 
     def then(self, before: State, after: State) -> State:
-        new = tuple(b.name for b in after.model.bodies if b.name not in before.model.row)
+        known = before.graph.number
+        new = tuple(name for name in after.ids if name not in known)
         return selected(after, self.client, new[0], new) if new else after
 
 
@@ -50,9 +53,24 @@ class AddBody(Growth):
     parent: Text | None
 
     def grown(self, model: pg.Model) -> tuple[pg.Model, str]:
-        parent = self.parent if self.parent in model.row else None
-        name = free_name(str(len(model.row) + 1), model.row)
+        rows = {body.name: body for body in model.rows}
+        parent = self.parent if self.parent in rows else None
+        name = free_name(str(len(model.row) + 1), rows)
         return model.add(rod(model, name, parent or GROUND)), "add a body"
+
+
+class AddBeam(Growth):
+    """Add a straight beam at the tip of `parent`, or on the ground if it is None."""
+
+    parent: Text | None
+
+    def grown(self, model: pg.Model) -> tuple[pg.Model, str]:
+        rows = {body.name: body for body in model.rows}
+        parent = self.parent if self.parent in rows else GROUND
+        name = free_name("beam", rows)
+        link = rows[parent].tip_point if parent in model.row else (0.0, 0.0, 0.0)
+        beam = pg.Beam(name=name, parent=parent, link=link, **beam_cells.NEW)
+        return model.add(beam), "add a beam"
 
 
 class Duplicate(Growth):
@@ -103,7 +121,10 @@ class MoveRows(ModelEdit):
             return model, label
         left = [b.name for b in model.bodies if b.name not in chosen]
         place = left.index(self.before) if self.before in left else len(left)
-        return model.move(self.bodies, place), label
+        bodies = [name for name in self.bodies if name in model.row]
+        if not bodies:
+            raise Refusal("A beam stands below the bodies; its row does not move.")
+        return model.move(bodies, place), label
 
 
 class SetParent(ModelEdit):
@@ -112,7 +133,7 @@ class SetParent(ModelEdit):
 
     def edit(self, state: State) -> tuple[pg.Model, str]:
         changes = {name: {"parent": self.parent} for name in self.bodies}
-        return state.model.edit_all(changes), f"parent of {_label(self.bodies)}"
+        return rows_edited(state.model, changes), f"parent of {_label(self.bodies)}"
 
 
 class CountBodies(ModelEdit):
@@ -168,16 +189,16 @@ class Paste(FromPage):
 def rod(model: pg.Model, name: str, parent: str) -> pg.Body:
     """Return a slender rod that swings at the tip of `parent`."""
     new = pg.Model.serial(2).bodies[1]
-    link = (0.0, 0.0, 0.0) if parent == GROUND else model.body(parent).tip or new.link
+    link = model.body(parent).tip or new.link if parent in model.row else (0.0, 0.0, 0.0)
     return new.unchecked_copy({"name": name, "parent": parent, "link": link})
 
 
 def _tops(model: pg.Model, names: tuple[str, ...]) -> tuple[str, ...]:
     """Return the bodies that are not carried by another body in the list."""
-    chosen = set(names)
+    chosen, rows = set(names), {body.name: body for body in model.rows}
 
     def carried(name: str) -> bool:
-        while (name := model.body(name).parent) in model.row:
+        while name in rows and (name := rows[name].parent) in rows:
             if name in chosen:
                 return True
         return False

@@ -99,6 +99,7 @@ pgraph.gutter = (() => {
     free: "free",
     spherical: "spherical",
     cylindrical: "prismatic",
+    beam: "beam",
   };
   const joint = (kind) => pgraph.icon(JOINTS[kind] ?? "compound", 14);
   return {

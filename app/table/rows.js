@@ -26,7 +26,17 @@ pgraph.rows = (() => {
       },
       pgraph.icon("add"),
     );
-    pgraph.frame.actions("Bodies", graph, more);
+    const beam = make(
+      "button",
+      {
+        className: "bare add-beam",
+        title: "A new flexible beam on the selected body",
+        "aria-label": "Add a beam",
+        onclick: () => send("AddBeam", { parent: pgraph.latest.selection ?? null }),
+      },
+      pgraph.icon("beam"),
+    );
+    pgraph.frame.actions("Bodies", graph, beam, more);
   }
 
   // -- one question at a time, above the rows -------------------------------------------------

@@ -195,9 +195,10 @@ pgraph.table = (() => {
     tr.children[2].replaceChildren(
       cells.choice(() => parents(tr.dataset.name), edit(tr, "parent"), { label: "parent" }),
     );
-    tr.children[3].append(
-      cells.choice(() => dofs(tr.dataset.name), edit(tr, "dof"), { label: "DoF" }),
-    );
+    if (byName.get(tr.dataset.name)?.joint !== "beam")
+      tr.children[3].append(
+        cells.choice(() => dofs(tr.dataset.name), edit(tr, "dof"), { label: "DoF" }),
+      );
     tr.children[4].replaceChildren(
       make("button", {
         className: "tied",
@@ -217,7 +218,7 @@ pgraph.table = (() => {
     )
       return;
     delete tr.dataset.armed;
-    tr.querySelector(".freedoms .cell").remove();
+    tr.querySelector(".freedoms .cell")?.remove();
     tr.children[4].textContent = "";
     refill(tr);
   }
@@ -267,6 +268,7 @@ pgraph.table = (() => {
     }
     cells.set(name, row.name);
     cells.choose(parent, row.parent);
+    if (!dof) return;
     cells.choose(dof, String(row.dof));
     if (dof.selectedOptions[0]) dof.selectedOptions[0].textContent = `${row.dof} ${row.joint}`;
     dof.title = tr.children[3].title;

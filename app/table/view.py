@@ -7,7 +7,7 @@ from functools import lru_cache
 
 from pgraph_core.show.digraph import gutter
 
-from ..core.state import CONTACT
+from ..core.state import CONTACT, freedoms
 from ..core.views import NOTHING, Host, Payload, Place, hue, topic
 from . import Client, State
 from .paste import COPIED, copied
@@ -15,9 +15,10 @@ from .paste import COPIED, copied
 
 def table(state: State) -> Payload:
     """Return the rows: number, name, parent, joint, constraint types, hue, part of the digraph."""
-    d, bodies = state.derived, state.model.bodies
-    ids = state.rows.named(state.model, "bodies")
+    d, bodies = state.graph, state.model.rows
+    ids, beams = state.ids, {beam.name for beam in state.model.beams}
     order = {body.name: row for row, body in enumerate(bodies)}
+    dof = freedoms(state.whole)
     ends = tuple((loop.body, loop.other) for loop in d.loops)
     lanes = _lanes(d.parent, tuple(order[name] for name in d.names), ends)
     kinds = {CONTACT: CONTACT, "limits": "limits"}
@@ -32,8 +33,8 @@ def table(state: State) -> Payload:
             "name": body.name,
             "number": k,
             "parent": body.parent,
-            "dof": body.dof,
-            "joint": body.joint,
+            "dof": dof[body.name],
+            "joint": "beam" if body.name in beams else body.joint,
             "constraints": d.constraints[body.name],
             "constraint": types(d.constraints[body.name], kinds | tied),
             "tied": not tied.keys().isdisjoint(d.constraints[body.name]),
@@ -54,7 +55,7 @@ def table(state: State) -> Payload:
 def lines(state: State, page: Client) -> Payload:
     """Return the selected rows as text. The browser requires the text immediately when rows are
     copied."""
-    chosen = page.selected
+    chosen = tuple(name for name in page.selected if name in state.model.row)
     if not 0 < len(chosen) <= COPIED:
         return NOTHING
     return {"bodies": chosen, "text": copied(state.model, chosen)}
@@ -70,6 +71,6 @@ _lanes = lru_cache(maxsize=16)(gutter)
 
 VIEWS = (
     Place(topic("opened", lambda state: state.framed, "framed"), 10),  # discards half-typed text
-    Place(topic("table", table, "derived"), 10, Host("table", "left", "Bodies")),
+    Place(topic("table", table, "graph"), 10, Host("table", "left", "Bodies")),
     Place(topic("copied", lines, page=lambda state, page: (page.selected, state.model)), 10),
 )

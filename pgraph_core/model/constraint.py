@@ -296,7 +296,7 @@ class Line(OneDirection):
 
         A slider moves along it, as its first arm turns about that origin. The default is upwards.
         """
-        found = poses(model.bodies)
+        found = poses(model.standing)
         tip, origin = found[body].place(model.body(body).tip_point), found[other]
         way = np.abs(origin.rotation.T @ (np.asarray(tip) - origin.position))
         k = int(np.argmax(way)) if way.any() else "xyz".index(model.up)

@@ -55,7 +55,7 @@ class CurvePoint(AtPoint, ToOther):
     @classmethod
     def begun(cls, model: Any, body: str, other: str) -> dict[str, Any]:
         """Return an arc of `other` that begins at the tip of `body`."""
-        found, tip = poses(model.bodies), model.body(body).tip_point
+        found, tip = poses(model.standing), model.body(body).tip_point
         start = (found[body].place(tip) - found[other].position) @ found[other].rotation
         size = float(np.linalg.norm(tip)) or 1.0
         ways = np.array(((0.0, 0.0, 0.0), (0.5, 0.0, 0.1), (1.0, 0.0, 0.0)))

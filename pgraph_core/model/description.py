@@ -31,7 +31,16 @@ from .output import Output, Site
 from .parameters import Formula, inlined, resolved, still_true
 from .rope import Rope
 from .scenario import Scenario
-from .segments import Counts, axis_points, counts_of, expanded, places_of, rigid
+from .segments import (
+    Counts,
+    axis_points,
+    counts_of,
+    expanded,
+    places_of,
+    rigid,
+    segment,
+    stand_in,
+)
 from .world import World
 
 Part = Body | Beam | Constraint | Contact | Force | Scenario | Site | Output | Control
@@ -122,16 +131,35 @@ class Description(World):
         return (*self.bodies, *rigid(self._parts())) if self.beams else self.bodies
 
     @cached_property
+    def stiffened(self) -> Self:
+        """The model in which its `standing` bodies take the place of beams."""
+        if not self.beams:
+            return self
+        return self.unchecked_copy({"bodies": self.standing, "beams": ()})
+
+    @cached_property
     def rows(self) -> tuple[Body, ...]:
         """The rows of the digraph: the bodies, and one without mass for each beam."""
         if not self.beams:
             return self.bodies
-        places = places_of({b.name: b for b in self.beams}, self.row, self._parts())
+        of = self.beam_of
         return tuple(
-            b.unchecked_copy({"parent": places[b.parent][0]}) if b.parent in places else b
+            b.unchecked_copy({"parent": of[b.parent]}) if b.parent in of else b
             for b in self.standing
-            if b.name not in places or places[b.name][0] == b.name
+            if of.get(b.name, b.name) == b.name
         )
+
+    @cached_property
+    def beam_of(self) -> Mapping[str, str]:
+        """The beam of each place that parts name, and of the segments of an expanded model."""
+        beams = {beam.name: beam for beam in self.described.beams}
+        if not beams:
+            return {}
+        model = self.described
+        places = places_of(beams, model.row, model._parts())
+        cells = {name: sum(counts) for name, counts in self.segments.items()}
+        own = {segment(name, k): name for name, n in cells.items() for k in range(n + 1)}
+        return own | {name: of for name, (of, _) in places.items()}
 
     @property
     def described(self) -> Self:
@@ -268,11 +296,13 @@ class Description(World):
         """Warnings about implausible values and parts without effect, repeated by each run."""
         if self.described is not self:
             return self.described.doubts
-        plain = self.unchecked_copy({"bodies": self.standing, "beams": ()}) if self.beams else self
-        return tuple(doubts(plain))
+        return tuple(doubts(self.stiffened))
 
     def body(self, name: str) -> Body:
         """Return the body with a name.
+
+        For a beam, or a place along it such as "rod@0.5", this is a body without mass there, with
+        the axes of the beam.
 
         Parameters
         ----------
@@ -284,10 +314,13 @@ class Description(World):
         ModelError
             If no body has this name. The message lists the existing names.
         """
-        if name not in self.row:
-            text = f"no body has this name; choose one of {choices(self.row)}"
-            raise ModelError(Problem(f"body {shown(name)}", "", text))
-        return self.bodies[self.row[name]]
+        if name in self.row:
+            return self.bodies[self.row[name]]
+        if (body := stand_in(name, {beam.name: beam for beam in self.beams})) is not None:
+            return body
+        names = choices(body.name for body in self.rows)
+        text = f"no body has this name; choose one of {names}"
+        raise ModelError(Problem(f"body {shown(name)}", "", text))
 
     def __contains__(self, name: Any) -> bool:
         """Check whether the model has a part `name`."""
@@ -398,7 +431,7 @@ class Description(World):
         return files.to_json(self.model_dump(mode="json", exclude_none=True), self.formulas)
 
     def cells(
-        self, part: Body | Constraint | Contact | Force | Control, kind: str = "bodies", /
+        self, part: Body | Beam | Constraint | Contact | Force | Control, kind: str = "bodies", /
     ) -> dict[str, Any]:
         """Return the fields of a part as in a file, including formulas."""
         mine = (f for f in self.formulas if (f.part, f.name) == (kind, part.name))

@@ -238,7 +238,7 @@ class Editable(Description):
 
     def _where_cut(self, cut: AtPoints) -> str:
         """Return a message about the position at which the loop closes in the initial state."""
-        at = poses(self.bodies)
+        at = poses(self.standing)
         place = at[cut.body].place(self.point_of(cut))
         other = at[cut.other]
         point = tuple((other.rotation.T @ (place - other.position)).round(12).tolist())

@@ -98,13 +98,17 @@ def rigid(parts: Mapping[str, Sequence[Any]]) -> tuple[Body, ...]:
     if not beams:
         return ()
     names = (body.name for body in parts["bodies"])
-    found = list[Body]()
-    for name, (of, at) in places_of(beams, names, parts).items():
-        beam = beams[of]
-        place = point_at(beam, at)
-        turned = matrix(beam.rotation) @ place + beam.link
-        found.append(_fixed(name, beam.parent, turned, beam.rotation))
-    return tuple(found)
+    found = (stand_in(name, beams) for name in places_of(beams, names, parts))
+    return tuple(body for body in found if body is not None)
+
+
+def stand_in(name: str, beams: Mapping[str, Beam]) -> Body | None:
+    """Return the body without mass for a beam or a place along it, or None for other names."""
+    if (place := place_in(name, beams)) is None:
+        return None
+    beam, at = beams[place[0]], place[1]
+    turned = matrix(beam.rotation) @ point_at(beam, at) + beam.link
+    return _fixed(name, beam.parent, turned, beam.rotation)
 
 
 def _fixed(name: str, parent: str, link: Array, rotation: Any = (1.0, 0.0, 0.0, 0.0)) -> Body:

@@ -284,7 +284,10 @@ class Joint(NamedTuple):
 
 
 def bodies_of(model: Model, topology: Topology) -> list[Body]:
-    """Return the rows of the table in number order."""
+    """Return the rows of the table in number order. Raises InputError for a model with beams."""
+    if model.beams:
+        text = "a beam has many joints here; give model.expanded, in which its segments are bodies"
+        raise InputError(Problem("model", "beams", text))
     return [model.bodies[row] for row in topology.row]
 
 
@@ -334,10 +337,8 @@ def home_poses(model: Model) -> tuple[Array, Array]:
     if not isinstance(model, Model):
         text = f"must be a pg.Model, got {shown(model)}"
         raise InputError(Problem("home_poses", "model", text))
-    topology = Topology.of(model)
-    bodies = bodies_of(model, topology)
-    found = poses(bodies)
-    return _arrays([found[body.name] for body in bodies])
+    found = poses(model.standing)
+    return _arrays([found[name] for name in Topology.of(model).names])
 
 
 def _arrays(found: Sequence[Pose]) -> tuple[Array, Array]:
