@@ -5,7 +5,7 @@ The tables are defined in `engine/records.py`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +28,7 @@ from ..engine.records import (
     rows_of,
     table,
 )
+from ..packing import Ints
 from ..shapes.solid import Array, Solid, edges_of
 
 
@@ -78,10 +79,18 @@ def packed(
         np.concatenate([np.zeros((0, 3)), *normals]),
         faces,
         np.concatenate([none, *(s.corners[1] for s in solids)]),
-        rows_of(EDGE, np.concatenate([np.zeros((0, 4), np.int64), *edges])),
+        _edges(np.concatenate([np.zeros((0, 4), np.int64), *edges])),
         np.array([k for beside in neighbours for k in beside], np.int64),
         pull / (np.linalg.norm(pull) or 1.0),
     )
+
+
+def _edges(rows: Ints) -> Any:
+    """Return the records of edges (n, 4), by columns, since there are many."""
+    found = table(EDGE, len(rows))
+    for name, column in zip(EDGE.names or (), rows.T):
+        found[name] = column
+    return found
 
 
 def neighbours_of(shapes: Sequence[Placed], partners: Sequence[set[Any]]) -> list[list[int]]:
@@ -105,11 +114,28 @@ def neighbours_of(shapes: Sequence[Placed], partners: Sequence[set[Any]]) -> lis
         middle = np.array([p.position + r @ b[1] for p, b, r in zip(placed, boxes, turns)])
         half = np.array([abs(r) @ b[0] for b, r in zip(boxes, turns)])
         reach = np.array([p.solid.reach for p in placed])
-        for k, i in enumerate(row):
-            slack = DEPTH * np.minimum(reach, reach[k])[:, None]
-            meet = np.flatnonzero((abs(middle - middle[k]) <= half + half[k] + slack).all(axis=1))
-            found[i] = [row[m] for m in meet.tolist() if m != k and partners[i] <= partners[row[m]]]
-    return found
+        for k, others in _near(middle, half + DEPTH * reach[:, None]):
+            slack = DEPTH * np.minimum(reach[others], reach[k])[:, None]
+            apart = abs(middle[others] - middle[k])
+            meet = others[(apart <= half[others] + half[k] + slack).all(axis=1)]
+            for i, m in ((row[k], row[m]) for m in meet.tolist()):
+                found[i] += [m] if partners[i] <= partners[m] else []
+                found[m] += [i] if partners[m] <= partners[i] else []
+    return [sorted(beside) for beside in found]
+
+
+def _near(middle: Array, half: Array) -> Iterator[tuple[int, Array]]:
+    """Yield each box with boxes that may overlap it, so that each pair comes once.
+
+    The boxes are sorted along the direction in which they are spread most.
+    """
+    axis = int(np.argmax(np.ptp(middle, axis=0)))
+    low, high = middle[:, axis] - half[:, axis], middle[:, axis] + half[:, axis]
+    order = np.argsort(low)
+    ends = np.searchsorted(low[order], high[order], side="right")
+    for place, (k, end) in enumerate(zip(order.tolist(), ends.tolist()), start=1):
+        if place < end:
+            yield k, order[place:end]
 
 
 def ground(normal: Sequence[float], patches: Iterable[Sequence[float]] = ()) -> Ground:

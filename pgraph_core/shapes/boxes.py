@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,18 @@ from .contract import Element, Form, Geom, Mark, Piece, Primitive, Size, Volume
 from .rays import Hit, Ray, box_hits
 from .solid import Solid
 
+KEPT = 1024  # boxes of different sizes
 NAMES = ("corner", "middle of an edge", "centre of a face", "centre")
 
 
 def box(size: Sequence[float]) -> Solid:
-    """Create a box with the given edge lengths along x, y and z."""
+    """Return a box with the given edge lengths along x, y and z. Equal ones are the same."""
+    x, y, z = size
+    return _box(float(x), float(y), float(z))
+
+
+@lru_cache(KEPT)
+def _box(*size: float) -> Solid:
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     rings = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     return Solid(BOX, corners * np.asarray(size, float) / 2, rings)

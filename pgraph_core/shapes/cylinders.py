@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ SIDES = 48  # sides of a cone, which deviates from round by 0.2 % of its radius
 class Round(Solid):
     """A solid cylinder, whose rims are discs."""
 
-    @property
+    @cached_property
     def reach(self) -> float:
         return float(np.hypot(self.radius, self.half))
 

@@ -27,7 +27,7 @@ class Field(Solid):
     def normals(self) -> Array:
         return np.zeros((len(self.rings), 3))  # each of its prisms has its own
 
-    @property
+    @cached_property
     def reach(self) -> float:
         half, middle = self.box
         return float(np.linalg.norm(half + abs(middle)))

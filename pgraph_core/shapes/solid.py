@@ -68,7 +68,7 @@ class Solid:
         found = [(u, v, left[v, u], f) for (u, v), f in left.items() if u < v]
         return np.array(found, np.int64).reshape(-1, 4)
 
-    @property
+    @cached_property
     def box(self) -> tuple[Array, Array]:
         """The bounding box as (half extents, centre) [m]."""
         if self.radii is not None:
@@ -78,7 +78,7 @@ class Solid:
         low = low - (0.0, 0.0, self.depth)
         return (high - low) / 2, (high + low) / 2
 
-    @property
+    @cached_property
     def reach(self) -> float:
         """Distance from the shape's origin to its farthest point [m]."""
         if self.radii is not None:
