@@ -178,8 +178,9 @@ def listed(value: Any) -> Any:
 
 def _ordered(value: Any) -> Any:
     """The same as `listed`, but reject sets, which have no order."""
-    if type(value) is tuple and PLAIN.issuperset(map(type, value)):
-        return value
+    kind = type(value)
+    if (kind is list or kind is tuple) and PLAIN.issuperset(map(type, value)):
+        return tuple(value)
     if isinstance(value, (set, frozenset)):
         raise ValueError("sets have no order; give a list")
     return listed(value)

@@ -470,8 +470,8 @@ def quaternion_problems(q: tuple[float, ...], motions: tuple[Motion, ...]) -> li
 def physics_problems(
     name: str, values: tuple[float, ...], motions: tuple[Motion, ...]
 ) -> list[tuple[str, str]]:
-    screws = [m.kind in PITCHED for m in motions]
-    if len(values) == len(motions) and not any(values) and not (name == "pitch" and any(screws)):
+    screws = [m.kind in PITCHED for m in motions] if name == "pitch" else []
+    if len(values) == len(motions) and not any(values) and not any(screws):
         return []
     if values and not motions:
         return [(name, f"a weld has no motion, got {list(values)}")]

@@ -38,6 +38,7 @@ CURVES = ("q_of_t", "curve")  # fields without a number: '=...' is an expression
 TRACK = "track"  # a field with functions of q, which are no formulas
 
 NUMBERS = frozenset((float, int, type(None)))  # types that are no formula and hold none
+LISTS = frozenset((list, tuple))
 
 Path = tuple[str | int, ...]
 
@@ -211,15 +212,17 @@ def holds_formula(value: Any, depth: int = 0) -> bool:
     if depth > MOST_LISTS:
         return False
     if isinstance(value, (list, tuple)):
-        for x in value:
-            if type(x) not in NUMBERS and holds_formula(x, depth + 1):
-                return True
+        cells = value
     elif isinstance(value, (dict, Mapping)):  # dict: the check of an abstract class is slow
-        for key, x in value.items():
-            if type(x) in NUMBERS or (type(x) is tuple and NUMBERS.issuperset(map(type, x))):
-                continue
-            if key not in TEXT and holds_formula(x, depth + 1):
-                return True
+        cells = [x for key, x in value.items() if key not in TEXT]
+    else:
+        return False
+    for x in cells:
+        kind = type(x)
+        if kind in NUMBERS or (kind in LISTS and NUMBERS.issuperset(map(type, x))):
+            continue
+        if holds_formula(x, depth + 1):
+            return True
     return False
 
 

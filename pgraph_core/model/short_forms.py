@@ -97,27 +97,27 @@ def _finite(x: Any) -> bool:
 
 def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None:
     """Fill in q, v, limits and what has a value per motion."""
+    free = joints.floats(motions)
     for name, rest in (("q", joints.home(motions)), ("v", (0.0,) * joints.nv(motions))):
-        given, free = listed(data.get(name, ())), joints.floats(motions)
-        if isinstance(given, Mapping) or (free and given not in ((), None)):
+        given = listed(data.get(name, ()))
+        if given == ():
+            data[name] = rest
+        elif isinstance(given, Mapping) or (free and given is not None):
             data[name], problem = joints.joined(name, given, rest, free)
             refuse([(name, problem)] if problem else [])
-    if listed(data.get("q", ())) == ():
-        data["q"] = joints.home(motions)
-    if listed(data.get("v", ())) == ():
-        data["v"] = (0.0,) * joints.nv(motions)
     if "limits" in data:
         data["limits"] = _limits(listed(data["limits"]), len(motions))
-    for name in PER_MOTION:
-        value = listed(data[name]) if name in data else ()
+    usual: dict[str, Any] = dict.fromkeys(PER_MOTION, (0.0,) * len(motions))
+    usual["pitch"] = tuple([joints.KINDS[m.kind].pitch for m in motions])
+    for name in usual.keys() & data.keys():
+        value = listed(data[name])
         value = value if isinstance(value, tuple) else (value,)
         if len(value) == 1 and (motions or value == (0,)):
             screws = [m.kind in joints.PITCHED for m in motions]
             all_have = name != "pitch" or not any(screws)
             value = tuple(value[0] if screw or all_have else 0.0 for screw in screws)
-        data[name] = value or (0.0,) * len(motions)
-        if name == "pitch" and not value:
-            data[name] = tuple(joints.KINDS[m.kind].pitch for m in motions)
+        usual[name] = value or usual[name]
+    data.update(usual)
 
 
 def _limits(value: Any, count: int) -> Any:
