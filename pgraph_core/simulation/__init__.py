@@ -223,7 +223,20 @@ def simulate(
         from .sensitivity import derivatives_of
 
         record.carried = derivatives_of(record, options, q, v, wrt)
-    built, busy = clocks()
+    record.ended.notices += notices_of_start(mech, options, (q, v, states), state[0])
+    result = _recorded(record, progress, estimate, (began, loaded))
+    if mech.divided and estimate is not False:
+        result = with_space_error(result, simulate, call, told)
+    return result
+
+
+def _recorded(
+    record: Recording, progress: Any, estimate: bool | None, since: tuple[float, float]
+) -> Result:
+    """Step a run, estimate its error and return its result. `since` are the time at which the call
+    began and that spent on loading kernels until then [s].
+    """
+    (began, loaded), (built, busy) = since, clocks()
     with shown_progress(progress, "simulate") as bar:
         record.run(bar)
     stepped, busy = clocks()[0], clocks()[1] - busy
@@ -235,11 +248,8 @@ def simulate(
         "estimate": clocks()[0] - stepped,
         "load": LOADING.seconds - loaded,  # kernels, once in a program
     }
-    record.ended.notices[:0] = notices_of_start(mech, options, (q, v, states), state[0])
     result = result_of(record, error, timing)
     record.leave()
-    if mech.divided and estimate is not False:
-        result = with_space_error(result, simulate, call, told)
     return result
 
 
