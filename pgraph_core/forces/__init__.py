@@ -16,7 +16,6 @@ from .base import Force as Force
 from .base import Load as Load
 from .base import OnBody as OnBody
 from .base import Places as Places
-from .base import ends_of as ends_of
 from .joint import Actuator as Actuator
 from .joint import Motor as Motor
 from .joint import OnJoint as OnJoint

@@ -89,18 +89,12 @@ class Force(OfKinds):
     @property
     def _bounds(self) -> bool:
         """Return True if it bounds a length or a sum of coordinates by impulses."""
-        return any(end is not None for end in ends_of(self))
+        return False
 
     def _stops(self, body_of: Callable[[str], Any]) -> Iterator[tuple[float, dict[str, Any]]]:
         """Yield a sign, 1 for an upper bound and -1 for a lower one, and the fields of the
         constraint that holds where the bound acts."""
-        for sign, bound in zip((-1.0, 1.0), ends_of(self)):
-            if bound is not None:
-                yield sign, self._held_at(bound, body_of)
-
-    def _held_at(self, bound: float, body_of: Callable[[str], Any]) -> dict[str, Any]:
-        """Return the fields of the constraint that keeps what `low` and `high` limit at a bound."""
-        raise NotImplementedError
+        return iter(())
 
     @property
     def _idle(self) -> str:
@@ -165,16 +159,27 @@ class Driven(Force):
         return [(self.INPUT, text)] if text else []
 
 
-def ends_of(f: Force) -> tuple[float | None, float | None]:
-    """Return the minimum and maximum length allowed by a force [m, rad], or None."""
-    return getattr(f, "low", None), getattr(f, "high", None)
+# -- limits `low` and `high` of a length or of a sum of coordinates, or None -----------------------
 
 
-def refuse_crossed_ends(f: Force) -> None:
+def refuse_crossed_ends(f: Any) -> None:
     """Reject a minimum length that exceeds the maximum."""
-    low, high = ends_of(f)
-    if low is not None and high is not None and low > high:
-        refuse([("low", f"must be at most high, {shown(high)}, got {shown(low)}")])
+    if f.low is not None and f.high is not None and f.low > f.high:
+        refuse([("low", f"must be at most high, {shown(f.high)}, got {shown(f.low)}")])
+
+
+def limits(f: Any) -> bool:
+    """Check whether a force has a limit."""
+    return f.low is not None or f.high is not None
+
+
+def stops_of(f: Any, at: str, **held: Any) -> Iterator[tuple[float, dict[str, Any]]]:
+    """Yield what `Force._stops` yields. `held` are the fields of a constraint that holds the length
+    or the sum at the value of its field `at`.
+    """
+    for sign, bound in ((-1.0, f.low), (1.0, f.high)):
+        if bound is not None:
+            yield sign, {**held, at: bound}
 
 
 class DrivenByKnots(Driven):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
@@ -17,12 +17,13 @@ from .base import (
     Load,
     Places,
     Sprung,
-    ends_of,
+    limits,
     number_or_law,
     pack_rates,
     rates_of,
     refuse_crossed_ends,
     row,
+    stops_of,
 )
 from .path import BetweenPoints, on_path, pack_points, points_of
 
@@ -58,7 +59,7 @@ class Spring(BetweenPoints, Sprung):
     @model_validator(mode="after")
     def _possible(self) -> Self:
         refuse_crossed_ends(self)
-        limited = [name for name, x in zip(("low", "high"), ends_of(self)) if x is not None]
+        limited = [name for name in ("low", "high") if getattr(self, name) is not None]
         if (self.via or self._rides) and limited:
             text = "limits a straight spring, without `via` and shifts; use a pg.Strut along the "
             text += "same path, whose `spring` is steep beyond it, such as {'x': [0, 1, 2], "
@@ -66,10 +67,14 @@ class Spring(BetweenPoints, Sprung):
             refuse([(name, text) for name in limited])
         return self
 
-    def _held_at(self, bound: float, body_of: Callable[[str], Any]) -> dict[str, Any]:
+    @property
+    def _bounds(self) -> bool:
+        return limits(self)
+
+    def _stops(self, body_of: Callable[[str], Any]) -> Iterator[tuple[float, dict[str, Any]]]:
         own, other = points_of(self, body_of(self.body))
         ends = {"body": self.body, "point": own, "other": self.other, "other_point": other}
-        return {"kind": "distance", **ends, "length": bound}
+        return stops_of(self, "length", kind="distance", **ends)
 
 
 def pack(f: Spring, one: Any, at: Places) -> Array | None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
 from ..fields import Number, OnSum, field
 from ..units import J, Q, S
-from .base import KIND, Force, refuse_crossed_ends
+from .base import KIND, Force, limits, refuse_crossed_ends, stops_of
 
 
 class Tendon(OnSum, Force):
@@ -45,5 +45,9 @@ class Tendon(OnSum, Force):
         refuse_crossed_ends(self)
         return self
 
-    def _held_at(self, bound: float, body_of: Callable[[str], Any]) -> dict[str, Any]:
-        return {"kind": "coupling", "coefficients": self.coefficients, "value": bound}
+    @property
+    def _bounds(self) -> bool:
+        return limits(self)
+
+    def _stops(self, body_of: Callable[[str], Any]) -> Iterator[tuple[float, dict[str, Any]]]:
+        return stops_of(self, "value", kind="coupling", coefficients=self.coefficients)

@@ -15,7 +15,6 @@ from ..forces import (
     OnJoint,
     Strut,
     Via,
-    ends_of,
     legs_of,
     path_of,
 )
@@ -52,7 +51,7 @@ class ForcesOut(Places):
             elif any(via.radii is not None for past in self._obstacles(f) for via in past):
                 self.out(f"force '{f.name}'", "a path over an ellipsoid")
             elif isinstance(f, Spring) and not f._varies:
-                limits = {"range": span(f.low or 0.0, f.high)} if any(ends_of(f)) else {}
+                limits = {"range": span(f.low or 0.0, f.high)} if f.low or f.high else {}
                 numbers = {"stiffness": f.stiffness, "damping": f.damping}
                 self._spatial(f, **numbers, springlength=self.rests[f.name], **limits)
             elif isinstance(f, Strut) and (numbers := of_strut(f)):

@@ -20,7 +20,6 @@ from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine.records import ACCEPTANCE, DEEP, PAIR, PHASE_CHANGE, SLIP, SOFT, STANCE, SWING, table
 from ..fields import EVERY, GROUND
-from ..forces import ends_of
 from ..mechanism import Mechanism
 from ..model import Spring
 from ..packing import Array, Ints
@@ -295,7 +294,7 @@ def limits_passed(mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Ar
     """Return a notice for each limit passed by a coordinate or length at the states q (n, nq)."""
     ints, floats, *_ = tables.limit_blocks
     found, limits = [], tables.coordinate_limits
-    springs = (f for f in mech.model.forces if isinstance(f, Spring) for x in ends_of(f) if x)
+    springs = (f for f in mech.model.forces if isinstance(f, Spring) for x in (f.low, f.high) if x)
     for name, block, values in zip(tables.limits, ints, floats):
         if block[at.B_TYPE] in (at.T_SLACK, at.T_WRAP):
             continue

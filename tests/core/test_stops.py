@@ -130,3 +130,9 @@ def test_a_joint_rests_on_its_limit_beside_a_closed_row(kind, q):
     assert found[1] == pytest.approx(-0.8, abs=1e-9)
     run = pg.simulate(model, q=np.asarray(found), t_end=0.05, estimate=False)
     np.testing.assert_allclose(run.q[-1], found, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", sorted(pg.Force.KINDS))
+def test_a_kind_that_bounds_states_the_constraint_that_holds(kind):
+    own = {name for base in pg.Force.KINDS[kind].__mro__ for name in vars(base) if base != pg.Force}
+    assert ("_bounds" in own) == ("_stops" in own)
