@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -67,7 +68,7 @@ class ExportView:
             )
         name = re.sub(r"[^\w-]+", "_", asked.run.model.name) or "run"
         try:
-            suffix, content = made(asked, progress)
+            suffix, content, report = made(asked, progress)
         except Exception as error:  # shown on the page: the session goes on
             self._refuse(client, f"{type(error).__name__}: {error}")
             return
@@ -77,26 +78,34 @@ class ExportView:
             self._bridge.send(client, "making", None)
         if content:
             self._bridge.download(client, f"{name}.{suffix}", content)
+        if report is not None:
+            self._bridge.send(client, "conversion", report.to_dict())
 
     def _refuse(self, client: int, text: str) -> None:
         self._bridge.send(client, "notice", {"title": "Not exported", "text": text, "bad": True})
 
 
-def made(
-    asked: Exporting, progress: Callable[[float], bool] = lambda fraction: True
-) -> tuple[str, bytes]:
-    """Return (suffix, content) of the requested file. There is no content if it was cancelled."""
+class Made(NamedTuple):
+    """A file of a run. There is no content if it was cancelled."""
+
+    suffix: str
+    content: bytes
+    report: pg.Report | None = None  # of what it contains and what it cannot
+
+
+def made(asked: Exporting, progress: Callable[[float], bool] = lambda fraction: True) -> Made:
+    """Return the requested file."""
     match asked.what:
         case "csv":
-            return "csv", table(asked.run)
+            return Made("csv", table(asked.run))
         case "npz":
-            return arrays(asked.run)
+            return Made(*arrays(asked.run))
         case "live":
-            return "live.html", living(asked.run)
+            return Made("live.html", living(asked.run))
         case "fmu":
-            return "fmu", unit(asked.run)
+            return Made("fmu", *unit(asked.run))
         case "png" | "mp4" | "gif":
-            return asked.what, drawn(asked, progress)
+            return Made(asked.what, drawn(asked, progress))
     raise ValueError(asked.what)
 
 
@@ -132,8 +141,10 @@ def living(run: Run) -> bytes:
         return page(run.result).encode()
 
 
-def unit(run: Run) -> bytes:
+def unit(run: Run) -> tuple[bytes, pg.Report]:
     """Return an FMU of the model, with the scenario, method and step of the run if these travel.
+
+    The report lists its inputs, outputs and parameters, and what cannot travel.
 
     Raises InputError if something cannot travel, with the reason.
     """
@@ -148,8 +159,8 @@ def unit(run: Run) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{re.sub(r'[^A-Za-z0-9_]+', '_', run.model.name) or 'model'}.fmu"
         given = {"method": method, **steps} if method != "auto" else {}
-        pg.write_fmu(run.model, path, scenario=header["scenario"], **given)
-        return path.read_bytes()
+        report = pg.write_fmu(run.model, path, scenario=header["scenario"], **given)
+        return path.read_bytes(), report
 
 
 def recorded_only(run: Run) -> str:

@@ -154,7 +154,8 @@ def fmi3(fmu: Fmu) -> bytes:
     """Return the description by FMI 3.0."""
     root = _root(fmu, "3.0", instantiationToken=fmu.token)
     can = {"modelIdentifier": fmu.identifier, "canGetAndSetFMUState": "true",
-           "canSerializeFMUState": "true"}  # fmt: skip
+           "canSerializeFMUState": "true",
+           "providesDirectionalDerivatives": "true"}  # fmt: skip
     step = {} if fmu.exported.by_tolerance else {"stepSize": repr(fmu.exported.setup.step)}
     if MODEL_EXCHANGE in fmu.kinds:
         needs = {"needsCompletedIntegratorStep": "true"}
@@ -192,7 +193,7 @@ def fmi2(fmu: Fmu) -> bytes:
     """Return the description by FMI 2.0."""
     root = _root(fmu, "2.0", guid=fmu.token, numberOfEventIndicators="0")
     can = {"modelIdentifier": fmu.identifier, "canGetAndSetFMUstate": "true",
-           "canSerializeFMUstate": "true"}  # fmt: skip
+           "canSerializeFMUstate": "true", "providesDirectionalDerivative": "true"}  # fmt: skip
     if MODEL_EXCHANGE in fmu.kinds:
         Xml.SubElement(root, "ModelExchange", can)
     if CO_SIMULATION in fmu.kinds:

@@ -19,6 +19,7 @@ from ..forces import Driven
 from ..forces.linear_actuator import GIVEN as GIVEN_INPUT
 from ..forces.linear_actuator import LinearActuator
 from ..forces.strut import PULL
+from ..forces.wrench import Wrench
 from ..integrators import METHODS
 from ..joints import units_of
 from ..live.image import EIGHT_BYTES
@@ -28,19 +29,20 @@ from ..mechanism import Mechanism
 from ..model import Model
 from ..model.expressions import drives_read
 from ..model.expressions import wanted as wanted_dim
-from ..model.output import OF_JOINT, Output
+from ..model.output import OF_JOINT, OF_LOAD, Output
 from ..model.settings import STEP
 from ..packing.signals import inputs_of_states
 from ..result.columns import coordinates
 from ..signals.meaning import unit as unit_of
 from ..simulation.inputs import Input, InputInKnots, Inputs
+from ..simulation.kinks import corners
 from ..simulation.options import RTOL
 from ..tolerances import ROUNDING, SOLVED
 from .library import LINKED, SOURCES, kernels_digest
 
 TIME, INPUT, PARAMETER, STATE, OUTPUT, DERIVATIVE = range(6)  # kinds of variables, as in c/pgraph.h
 READ = ("position", "rotation", "velocity", "angular_velocity", "velocimeter", "gyro",
-        "accelerometer", *OF_JOINT)  # kinds of outputs that the library reads  # fmt: skip
+        "accelerometer", *OF_LOAD, *OF_JOINT)  # kinds of outputs that are read  # fmt: skip
 MOVED = 4096  # [bytes] to find the addresses in an image
 
 
@@ -107,7 +109,7 @@ class NativeRun(LiveRun):
             "position": zeros((1, nb, 3)), "rotation": zeros((1, nb, 9)),
             "velocity": zeros(frame), "acceleration": zeros(frame), "force": zeros(frame),
             "pose": zeros((1, nb, 7)), "readings": zeros((1, max(self.sensors.width, 1))),
-            "x": zeros(nq + nv),
+            "x": zeros(nq + nv), "loads": zeros(frame[1:]),
         }  # fmt: skip
         super()._lay_out()
 
@@ -162,13 +164,16 @@ class Exported:
         make = partial(_made, setup=setup)
         self.run: NativeRun = make(self.mech, self.method)
         fields = [opened(model, one) for one in wanted.parameters]
-        found = follows(model, {self.method: self.run}, fields, make, ROUNDING)
+        pushes = self._wrenches()
+        found = follows(model, {self.method: self.run}, [*fields, *pushes], make, ROUNDING)
+        numbers = [_parameter(field, of[self.method], model) for field, of in found]
+        self.left_out: list[tuple[str, str]] = []  # outputs, with the reason
         self.by_tolerance = METHODS[self.method].adaptive and wanted.rtol is not None
         taken: set[str] = set()
         self.variables = [Variable("time", TIME, float(self.run.plan.times[0]), "s", "time")]
         for one in (
             *self._states(), *self._rates(), *self._outputs(), *self._inputs(),
-            *(_parameter(field, of[self.method], model) for field, of in found),
+            *map(_pushed, numbers[len(fields) :]), *numbers[: len(fields)],
         ):  # fmt: skip
             prefix = {INPUT: "inputs.", OUTPUT: "outputs."}.get(one.kind, "q.")
             name = one.name if one.name not in taken else prefix + one.name
@@ -214,15 +219,27 @@ class Exported:
             if name not in known:
                 have = f"; the model has {choices(known)}" if known else "; the model has none"
                 raise InputError(Problem("export", "outputs", f"no output is named {name!r}{have}"))
-            found += self._output(known[name], columns[name])
+            if not (why := self._unread(known[name])):
+                found += self._output(known[name], columns[name])
+            elif self.wanted.outputs is None:
+                self.left_out.append((name, why))
+            else:
+                text = f"{why}; leave it out by outputs="
+                raise InputError(Problem(f"output '{name}'", "kind", text))
         return found
 
-    def _output(self, one: Output, column: int) -> list[Variable]:
+    def _unread(self, one: Output) -> str:
+        """Return the reason why an output does not travel, or ""."""
+        text = f"is of the kind {one.kind}, which does not travel"
         if one.kind not in READ:
-            text = f"is of the kind {one.kind}, which does not travel; leave it out by outputs="
-            raise InputError(Problem(f"output '{one.name}'", "kind", text))
+            return text
+        pushed = METHODS[self.method].time_stepping or len(self.run.plan.active)
+        text += " from a model with loops, contacts or limits"
+        return text if one.kind in OF_LOAD and pushed else ""
+
+    def _output(self, one: Output, column: int) -> list[Variable]:
         unit = unit_of_output(self.model, one)
-        now = one.kind == "accelerometer"
+        now = one.kind in ("accelerometer", *OF_LOAD)
         return [
             Variable(".".join(filter(None, (one.name, part))), OUTPUT, 0.0, unit,
                      one.reading.about, column + i, immediate=now)
@@ -238,17 +255,31 @@ class Exported:
         known.add_of_states(forces, scene.loads.signals[0], rows)
         all_ = {f.name: f for f in forces if isinstance(f, Driven)}
         wanted = tuple(known.known) if self.wanted.inputs is None else self.wanted.inputs
+        pushes = [f.name for f in self.model.forces if isinstance(f, Wrench)]
         found = list[Variable]()
         for name in wanted:
+            if name in pushes:
+                continue
             if name not in all_:
-                have = f"; choose {choices(all_)}" if all_ else "; the model has none"
-                text = f"no motor, servo or actuator is named {name!r}{have}"
+                have = choices((*all_, *pushes))
+                have = f"; choose {have}" if have else "; the model has none"
+                text = f"no motor, servo, actuator or wrench is named {name!r}{have}"
                 raise InputError(Problem("export", "inputs", text))
             if name not in known.known:
                 text = f"'{name}' follows its own table or expression; give it a constant input "
                 raise InputError(Problem("export", "inputs", f"{text}in the model"))
             found += self._input(all_[name], known.known[name])
         return found
+
+    def _wrenches(self) -> list[Opened]:
+        """Return the entries of wrenches that are inputs, which have the form of parameters."""
+        names = [f.name for f in self.model.forces if isinstance(f, Wrench)]
+        paths = (
+            f"forces.{name}.{field}.{i}"
+            for name in self.wanted.inputs or () if name in names
+            for field in ("force", "torque") for i in range(3)
+        )  # fmt: skip
+        return [opened(self.model, path) for path in paths]
 
     def _input(self, force: Any, one: Any) -> list[Variable]:
         """Return the variable of an input, or none if it cannot be set from outside."""
@@ -303,6 +334,7 @@ class Exported:
         for row, one in zip(variables, self.variables):
             row[4] = file.add(one.name.encode() + b"\0")
         slides, spins = rates_of(self.mech)
+        instants = self._instants()
         words = self._words(header) | {
             "kernels": _letters(kernels_digest()), "values": values, "base": BASE,
             "image": file.add(bytes(memory)), "image_bytes": len(memory),
@@ -316,8 +348,14 @@ class Exported:
             "effects": file.words(effects), "effect_count": len(effects),
             "spins": file.words(spins), "spin_count": len(spins),
             "slides": file.words(slides), "slide_count": len(slides),
+            "instants": file.words(list(map(_bits, instants))), "instant_count": len(instants),
         }  # fmt: skip
         return file.closed([words[name] for name in _names("W_") if name not in FIXED])
+
+    def _instants(self) -> list[float]:
+        """Return the times at which a table of a force or a motion has a corner [s]."""
+        plan, loads = self.run.plan, self.run.record.scene.loads
+        return corners(self.mech, plan.drives, loads, plan.active, -np.inf).tolist()
 
     def _movable(self) -> tuple[bytearray, list[int]]:
         """Return the memory, and the places of addresses in it: these follow a moved image."""
@@ -353,6 +391,7 @@ class Exported:
             "usual_span": _bits(self.span), "rows": len(run.packed_arrays[0]),
             **header["columns"], "moves": int(run.sensors.moves),
             "coordinates": self.mech.nq, "velocities": self.mech.nv,
+            "loaded": int(run.sensors.loads),
         }  # fmt: skip
 
     @property
@@ -431,6 +470,17 @@ def _parameter(field: Opened, of: Any, model: Model) -> Variable:
     effects += [Effect(place, slope=factor, packs=True) for place, factor in of.table]
     return Variable(field.path.text, PARAMETER, field.path.present, field.path.unit(model),
                     field.label, -1, tuple(effects), field.low, field.high)  # fmt: skip
+
+
+def _pushed(one: Variable) -> Variable:
+    """Return the input for an entry of a wrench. Raises InputError if it cannot change in a run."""
+    if any(effect.packs for effect in one.effects):
+        text = "cannot be an input, since the model is packed with it; give it as a parameter"
+        raise InputError(Problem("export", one.name, text))
+    _, name = one.name.split(".", 1)
+    name, field, i = name.rsplit(".", 2)
+    return one._replace(name=f"{name}.{field}.{'xyz'[int(i)]}", kind=INPUT, low=-np.inf,
+                        high=np.inf)  # fmt: skip
 
 
 # -- words -----------------------------------------------------------------------------------------

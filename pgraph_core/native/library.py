@@ -34,7 +34,7 @@ LINKED = (
 # kernels that C calls, with arguments in words
 CALLED = (
     "advance_run", "projection", "constrained_dynamics", "bound_step", "pack", "followed",
-    "motion_and_forces", "as_quaternions", "read_sensors",
+    "motion_and_forces", "as_quaternions", "read_sensors", "load_wrenches",
 )  # fmt: skip
 
 
@@ -69,7 +69,7 @@ PLATFORMS = {  # by their names in FMI 3.0
 
 def kernels() -> dict[str, Any]:
     """Return the kernels of a library by name."""
-    from ..engine import drives, packing  # noqa: F401
+    from ..engine import drives, motion, packing  # noqa: F401
     from ..engine.tree import bodies, sensors  # noqa: F401
 
     module.dispatchers()

@@ -18,7 +18,7 @@ from ..integrators import METHODS
 from ..model import Model
 from ..model.files import write_atomic
 from .description import CO_SIMULATION, MODEL_EXCHANGE, Fmu, fmi2, fmi3
-from .image import INPUT, OUTPUT, PARAMETER, READ, STATE, Exported, Wanted
+from .image import INPUT, OUTPUT, PARAMETER, STATE, Exported, Wanted
 from .library import HERE, PLATFORMS, SOURCES, here, library, stale
 
 KINDS = (CO_SIMULATION, MODEL_EXCHANGE)
@@ -60,6 +60,7 @@ def write_fmu(
         "cs" for co-simulation and "me" for model exchange. The default is each that is possible.
     inputs : sequence of str, optional
         Names of motors, servos and actuators with a constant input. The default is all of them.
+        The name of a wrench gives six inputs, such as "push.force.x" and "push.torque.z".
     outputs : sequence of str, optional
         Names of outputs of the model. The default is all that can travel. If there are none, the
         coordinates and velocities are outputs.
@@ -238,19 +239,14 @@ def _wanted(
         ):
             text = f"must be a list of names, as in {name}=['NAME'], got {shown(value)}"
             raise InputError(Problem("export", name, text))
-    if outputs is None:
-        outputs = [one.name for one in model.outputs if one.kind in READ]
-        for one in model.outputs:
-            if one.kind not in READ:
-                text = f"is of the kind {one.kind}, which does not travel"
-                report.add("left out", f"output '{one.name}'", text, part=one.name)
     for one in model.outputs:
-        if one.imperfect is not None and one.name in outputs:
+        if one.imperfect is not None and (outputs is None or one.name in outputs):
             text = "is exact: its noise and its delay stay behind"
             report.add("left out", f"output '{one.name}'", text, part=one.name)
     return Wanted(
-        None if inputs is None else tuple(inputs), tuple(outputs), tuple(parameters), scenario,
-        method, None if step is None else float(step), None if rtol is None else float(rtol),
+        None if inputs is None else tuple(inputs), None if outputs is None else tuple(outputs),
+        tuple(parameters), scenario, method, None if step is None else float(step),
+        None if rtol is None else float(rtol),
     )  # fmt: skip
 
 
@@ -292,6 +288,8 @@ def _zipped(files: dict[str, bytes]) -> bytes:
 
 def _told(exported: Exported, report: Report) -> None:
     """Add what the variables of an export are, and its method."""
+    for name, why in exported.left_out:
+        report.add("left out", f"output '{name}'", why, part=name)
     words = {INPUT: "an input", OUTPUT: "an output", PARAMETER: "a parameter"}
     if not any(one.kind == OUTPUT for one in exported.variables):
         words[STATE] = "an output, since the model has no others"

@@ -69,7 +69,10 @@ def test_a_living_figure_opens_the_masses(run):
 
 
 def test_an_fmu_has_the_model_of_the_run_or_says_why_there_is_none(run, tmp_path):
-    content = view.unit(run)
+    suffix, content, report = view.made(Exporting(1, "fmu", run))
+    assert (suffix, report.loaded) == ("fmu", True)
+    told = " ".join(map(str, report.of("read")))  # shown on the page with the file
+    assert [name for name in run.result.mechanism.names if f"'{name}'" not in told] == []
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         archive.extract("resources/model.json", tmp_path)
         assert "modelDescription.xml" in archive.namelist()
@@ -148,7 +151,7 @@ def test_a_finished_run_is_exported(run):
     assert after(state, do.Export(ME, "csv")) is state
     state = after(ran(state, run.result), do.Export(ME, "csv"))
     assert state.exporting.what == "csv"
-    _, table = view.made(state.exporting)
+    table = view.made(state.exporting).content
     heads = table.decode().partition("\n")[0].split(",")
     assert [
         x for x in heads if x.startswith(f"angular_acceleration.{run.result.mechanism.names[0]}")
@@ -158,7 +161,7 @@ def test_a_finished_run_is_exported(run):
 @pytest.mark.parametrize(("what", "begins"), [("png", b"\x89PNG"), ("gif", b"GIF89a")])
 def test_a_picture_is_of_the_time_that_is_shown(run, what, begins):
     asked = Exporting(1, what, run, time=0.05)
-    suffix, content = view.made(asked)
+    suffix, content, _ = view.made(asked)
     assert suffix == what
     assert content.startswith(begins)
     if what == "png":

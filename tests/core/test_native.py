@@ -9,8 +9,8 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.native import library, writing
-from pgraph_core.native.image import Exported, Wanted
+from pgraph_core.native import library
+from pgraph_core.native.image import READ, Exported, Wanted
 from tests.native_runs import Instance, has_library, instance
 from tests.nights import at_night
 
@@ -31,7 +31,7 @@ def arm(**more):
         pg.LinearActuator(name="pull", body="hand", other="ground", point=(0.1, 0, 0),
                           other_point=(1.0, 0, 0.3), gain=2.0, force_high=3.0),
     ]  # fmt: skip
-    outputs = [pg.Output(name=f"the {kind}", kind=kind, at="hand") for kind in writing.READ]
+    outputs = [pg.Output(name=f"the {kind}", kind=kind, at="hand") for kind in READ]
     return pg.Model(bodies=[upper, hand], forces=forces, outputs=outputs, **more)
 
 
@@ -231,11 +231,34 @@ def test_what_cannot_travel_is_refused_and_nothing_is_written(given, part, allow
 
 
 def test_an_output_that_does_not_travel_is_left_out_or_refused(tmp_path):
-    model = arm().add(pg.Output(name="load", kind="force", at="hand"))
-    report = pg.write_c(model, tmp_path / "out")
-    assert any("load" in str(line) and "force" in str(line) for line in report.of("left out"))
-    with pytest.raises(pg.InputError, match="force"):
-        pg.write_c(model, tmp_path / "other", outputs=["load"])
+    touch, load_ = (pg.Output(name="felt", kind=kind, at="coupler") for kind in ("touch", "force"))
+    for model, kind in (
+        (load("four_bar").add(touch), "touch"),
+        (load("four_bar").add(load_), "loops"),
+    ):
+        report = pg.write_c(model, tmp_path / "out")
+        assert any("felt" in str(line) and kind in str(line) for line in report.of("left out"))
+        with pytest.raises(pg.InputError, match=kind):
+            pg.write_c(model, tmp_path / "other", outputs=["felt"])
+
+
+def test_wrenches_are_inputs_and_joints_pass_on_what_acts_on_bodies():
+    push = pg.Wrench(name="push", body="hand", force=(0.5, 0, 0), point=(0.3, 0, 0), frame="body")
+    line = pg.Spring(name="line", body="hand", other="ground", stiffness=20.0, rest=0.1)
+    model = arm().add(push).add(line)
+    found = instance(model, inputs=("push",)).start()
+    stepper = pg.Stepper(model, step=1e-3, method="rk4")
+    for force, torque in (((0.5, 0, 0), (0, 0, 0)), ((0.5, -2.0, 3.0), (0, 0.4, 0))):
+        for i, axis in enumerate("xyz"):
+            found[f"push.force.{axis}"], found[f"push.torque.{axis}"] = force[i], torque[i]
+        changed = model.edit("push", force=force, torque=torque)
+        stepper = pg.Stepper(changed, step=1e-3, method="rk4", q=stepper.q, v=stepper.v)
+        found.call("step", 100)
+        stepper.step(n=100)
+        np.testing.assert_allclose(found.state, [*stepper.q, *stepper.v], rtol=1e-12)
+        for name in ("the force", "the torque"):
+            got = [found[f"{name}.{axis}"] for axis in "xyz"]
+            np.testing.assert_allclose(got, stepper.outputs[name], rtol=1e-10, atol=1e-10)
 
 
 def test_a_loop_that_is_open_at_first_begins_closed_as_in_a_run():
@@ -293,7 +316,7 @@ def test_the_c_files_pass_the_sanitizers(tmp_path):
     digest = f'const char kernels_digest[] = "{library.kernels_digest()}";'
     text = f"extern const char kernels_digest[];\n{digest}\n"
     (tmp_path / "digest.c").write_text(text)
-    sources = [*map(str, library.SOURCES.glob("*.c")), str(writing.EXAMPLES / "example.c")]
+    sources = [*map(str, library.SOURCES.glob("*.c")), str(library.HERE / "examples" / "example.c")]
     call = [compiler, "-std=c2x", "-g", "-O1", "-fsanitize=address,undefined", "-Wall", "-Wextra",
             "-fno-sanitize-recover=all", f"-I{library.SOURCES}", *sources, "digest.c", "kernels.o",
             "-o", "run", "-lm"]  # fmt: skip

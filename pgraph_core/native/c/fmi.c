@@ -3,7 +3,6 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #ifdef _WIN32
@@ -41,7 +40,7 @@ static void* read_file(const char* path, size_t* bytes) {
 }
 
 status told(component* c, status how, const char* text) {
-  if (c->tell && c->log) c->tell(c->log, c->environment, c->name ? c->name : "", how, text);
+  if (c->tell && c->log) c->tell(c->log, c->environment, c->name, how, text);
   return how;
 }
 
@@ -51,8 +50,11 @@ void component_free(component* c) {
   if (!c) return;
   free(c->memory);
   free(c->model);
-  free(c->name);
   free(c);
+}
+
+static int64_t hash_in(const component* c) {
+  return ((const int64_t*)c->model)[c->bytes / 8 - 1];
 }
 
 /* The reason why the component cannot be made, or null. */
@@ -68,8 +70,7 @@ static const char* load(component* c, const char* token, const char* folder) {
   if (!c->model) return "resources/model.bin cannot be read";
   size = pgraph_size(c->model, c->bytes, &why);
   if (!size) return why;
-  snprintf(own, sizeof own, "%016llx",
-           (unsigned long long)((const int64_t*)c->model)[c->bytes / 8 - 1]);
+  snprintf(own, sizeof own, "%016llx", (unsigned long long)hash_in(c));
   if (!token || strcmp(token, own)) return "modelDescription.xml belongs to another model.bin";
   c->memory = malloc(size + ALIGNMENT);
   if (!c->memory) return "there is no memory";
@@ -82,13 +83,11 @@ component* component_of(const char* name, const char* token, const char* folder,
                         void* environment, teller* tell) {
   component* c = calloc(1, sizeof *c);
   if (!c) return NULL;
-  size_t length = strlen(name ? name : "") + 1;
   c->log = log;
   c->environment = environment;
   c->tell = tell;
-  c->name = malloc(length);
-  if (c->name) memcpy(c->name, name ? name : "", length);
-  const char* why = c->name ? load(c, token, folder ? folder : "") : "there is no memory";
+  snprintf(c->name, sizeof c->name, "%s", name ? name : "");
+  const char* why = load(c, token, folder ? folder : "");
   if (!why) {
     c->start = pgraph_first_time(c->p);
     return c;
@@ -158,10 +157,9 @@ status put_states(component* c, const double* x, size_t n) {
 
 status get_states(component* c, double* x, size_t n) {
   if (right_count(c, n) != OK) return ERROR;
-  size_t nq, nv;
-  const double *q = pgraph_q(c->p, &nq), *v = pgraph_v(c->p, &nv);
-  memcpy(x, q, nq * 8);
-  memcpy(x + nq, v, nv * 8);
+  size_t nq = (size_t)c->p->words[W_COORDINATES];
+  memcpy(x, numbers(c->p, A_Q), nq * 8);
+  memcpy(x + nq, numbers(c->p, A_V), (n - nq) * 8);
   return OK;
 }
 
@@ -183,17 +181,8 @@ status set_time(component* c, double t) {
 
 /* After a step: constraints and quaternions may have drifted. The states change in event mode. */
 status completed(component* c, int* enter_event_mode) {
-  size_t nq = array_of(c->p, A_Q)[3] * 8, nv = array_of(c->p, A_V)[3] * 8;
-  double moved = 0.0, *before = malloc(nq + nv);
-  *enter_event_mode = 0;
-  if (!before) return told(c, ERROR, "there is no memory");
-  memcpy(before, numbers(c->p, A_Q), nq);
-  memcpy((char*)before + nq, numbers(c->p, A_V), nv);
-  status how = checked(c, pgraph_project(c->p, &moved));
-  memcpy(numbers(c->p, A_Q), before, nq);
-  memcpy(numbers(c->p, A_V), (char*)before + nq, nv);
-  c->p->seen = 0;
-  free(before);
+  double moved = 0.0;
+  status how = checked(c, drift(c->p, &moved));
   *enter_event_mode = moved > DRIFT;
   return how;
 }
@@ -205,38 +194,89 @@ status put_back(component* c, int* changed) {
   return how;
 }
 
-status nominals(double* values, size_t n) {
-  for (size_t i = 0; i < n; i++) values[i] = 1.0;
-  return OK;
+int next_event(const component* c, double* t) {
+  const int64_t* instants = section(c->p, W_INSTANTS);
+  int64_t i = 0, n = c->p->words[W_INSTANT_COUNT];
+  while (i < n && real(instants + i) <= pgraph_time(c->p)) i++;
+  *t = i < n ? real(instants + i) : 0.0;
+  return i < n;
+}
+
+/* -- directional derivatives ------------------------------------------------------------------ */
+
+enum { HALVINGS = 10 };                /* of the change of the knowns, from WIDEST on */
+static const double WIDEST = 0.0625; /* rad, m, N or N m, for example */
+
+typedef struct {
+  double row[HALVINGS], found, error;
+} extrapolation;
+
+/* Add central difference n to Neville's scheme in the square of the change. The entry that differs
+   least from its neighbours is kept, as by Ridders (1982). */
+static void extrapolate(extrapolation* e, int n, double x) {
+  double factor = 1.0;
+  for (int j = 0; j < n; j++) {
+    double last = e->row[j], better = x + (x - last) / ((factor *= 4.0) - 1.0);
+    double error = fmax(fabs(better - x), fabs(better - last));
+    if ((n == 1 && !j) || error < e->error) {
+      e->found = better;
+      e->error = error;
+    }
+    e->row[j] = x;
+    x = better;
+  }
+  e->row[n] = x;
+}
+
+status directional(component* c, const uint32_t* unknowns, size_t n, const uint32_t* knowns,
+                   size_t m, const double* seed, double* found) {
+  double most = 0.0;
+  if (c->initialising && c->p->state == 0 && initialise(c) != OK) return ERROR;
+  for (size_t i = 0; i < m; i++) most = fmax(most, fabs(seed[i]));
+  memset(found, 0, n * sizeof *found);
+  if (!n || most == 0.0) return OK;
+  extrapolation* each = calloc(n, sizeof *each + 2 * sizeof(double));
+  double width = WIDEST / most, *values = (double*)(each + n);
+  void* kept = malloc(pgraph_state_size(c->p));
+  int code = 0;
+  if (!each || !kept) return free(each), free(kept), told(c, ERROR, "there is no memory");
+  pgraph_save(c->p, kept);
+  for (int row = 0; row < HALVINGS && !code; row++, width /= 2.0) {
+    for (int side = 0; side < 2 && !code; side++, width = -width) {
+      code = pgraph_restore(c->p, kept);
+      for (size_t i = 0; i < m && !code; i++) code = move(c->p, (int)knowns[i], width * seed[i]);
+      for (size_t i = 0; i < n && !code; i++)
+        code = pgraph_get(c->p, (int)unknowns[i], values + side * n + i);
+    }
+    for (size_t i = 0; i < n; i++)
+      extrapolate(each + i, row, (values[i] - values[n + i]) / (2.0 * width));
+  }
+  for (size_t i = 0; i < n; i++) found[i] = each[i].found;
+  status how = checked(c, code);
+  pgraph_restore(c->p, kept);
+  free(each);
+  free(kept);
+  return how;
 }
 
 /* -- copies of the state ---------------------------------------------------------------------- */
 
+static int fits(const component* c, const copy* from) {
+  return from && from->bytes == pgraph_state_size(c->p) && from->model == hash_in(c);
+}
+
 status copy_state(component* c, void** state) {
-  size_t bytes = pgraph_state_size(c->p);
-  copy* made = malloc(sizeof *made + bytes);
+  copy* made = malloc(serialised_size(c));
   free(*state);
   *state = made;
   if (!made) return told(c, ERROR, "there is no memory");
-  made->bytes = bytes;
-  made->start = c->start;
-  made->model = ((const int64_t*)c->model)[c->bytes / 8 - 1];
+  *made = (copy){.bytes = pgraph_state_size(c->p), .start = c->start, .model = hash_in(c)};
   pgraph_save(c->p, made->memory);
   return OK;
 }
 
-status free_state(void** state) {
-  if (state) {
-    free(*state);
-    *state = NULL;
-  }
-  return OK;
-}
-
 status restored(component* c, const copy* from) {
-  if (!from || from->bytes != pgraph_state_size(c->p) ||
-      from->model != ((const int64_t*)c->model)[c->bytes / 8 - 1])
-    return told(c, ERROR, "the state is not one of this model");
+  if (!fits(c, from)) return told(c, ERROR, "the state is not one of this model");
   c->start = from->start;
   c->initialising = 0;
   return checked(c, pgraph_restore(c->p, from->memory));
@@ -251,14 +291,11 @@ status serialise(component* c, const copy* from, char* to, size_t size) {
 }
 
 status deserialise(component* c, const char* from, size_t size, void** state) {
-  copy first;
+  size_t needed = serialised_size(c);
+  copy* made = *state = malloc(needed);
+  if (made && size >= needed) memcpy(made, from, needed);
+  if (made && size >= needed && fits(c, made)) return OK;
+  free(made);
   *state = NULL;
-  if (size >= sizeof first) memcpy(&first, from, sizeof first);
-  if (size < serialised_size(c) || first.bytes != pgraph_state_size(c->p) ||
-      first.model != ((const int64_t*)c->model)[c->bytes / 8 - 1])
-    return told(c, ERROR, "the serialised state is not one of this model");
-  *state = malloc(serialised_size(c));
-  if (!*state) return told(c, ERROR, "there is no memory");
-  memcpy(*state, from, serialised_size(c));
-  return OK;
+  return told(c, ERROR, "the serialised state is not one of this model");
 }

@@ -2,6 +2,8 @@
 #ifndef FMI_H
 #define FMI_H
 
+#include <stdlib.h>
+
 #include "image.h"
 
 typedef uint32_t reference;
@@ -17,7 +19,7 @@ typedef struct {
   pgraph* p;
   void *model, *memory, *log, *environment;
   size_t bytes; /* of the model */
-  char* name;
+  char name[128];
   teller* tell;
   double start;
   int initialising; /* between entering and leaving the initialization mode */
@@ -44,7 +46,12 @@ status set_time(component* c, double t);
 status completed(component* c, int* enter_event_mode);
 /* Put the states back, in event mode. Whether they changed. */
 status put_back(component* c, int* changed);
-status nominals(double* values, size_t n);
+/* Whether there is a next time event, and its time. */
+int next_event(const component* c, double* t);
+
+/* The derivatives of unknowns along a direction of the knowns, from extrapolated differences. */
+status directional(component* c, const uint32_t* unknowns, size_t n, const uint32_t* knowns,
+                   size_t m, const double* seed, double* found);
 
 /* Copies of the complete state. */
 typedef struct {
@@ -54,10 +61,15 @@ typedef struct {
   unsigned char memory[];
 } copy;
 status copy_state(component* c, void** state); /* an earlier copy in *state is freed */
-status free_state(void** state);
 status restored(component* c, const copy* from);
 size_t serialised_size(const component* c);
 status serialise(component* c, const copy* from, char* to, size_t size);
 status deserialise(component* c, const char* from, size_t size, void** state);
+
+/* A function about variables of a type that the model does not have, or about derivatives. */
+#define WITHOUT(name, ...)                                                    \
+  PGRAPH_API status name(void* c, const reference[], size_t n, __VA_ARGS__) { \
+    return n ? told(c, ERROR, NONE) : OK;                                     \
+  }
 
 #endif

@@ -1,6 +1,11 @@
 /* The functions of FMI 3.0 for co-simulation and model exchange. All variables are Float64. */
 #include "fmi.h"
 
+#define V(name) fmi3##name
+#define V_STATE(before, after) fmi3##before##FMUState##after
+#define DESERIALISE fmi3DeserializeFMUState
+#include "both.h"
+
 typedef void log3(void* environment, status how, const char* category, const char* text);
 
 static void tell(void* log, void* environment, const char*, status how, const char* text) {
@@ -30,8 +35,6 @@ PGRAPH_API void* fmi3InstantiateScheduledExecution(const char*, const char*, con
   return NULL;
 }
 
-PGRAPH_API void fmi3FreeInstance(void* c) { component_free(c); }
-
 PGRAPH_API status fmi3EnterInitializationMode(void* of, bool, double, double start, bool, double) {
   component* c = of;
   c->start = start;
@@ -39,19 +42,9 @@ PGRAPH_API status fmi3EnterInitializationMode(void* of, bool, double, double sta
   return OK;
 }
 
-PGRAPH_API status fmi3ExitInitializationMode(void* of) {
-  component* c = of;
-  c->initialising = 0;
-  return c->p->state == 1 ? OK : initialise(c);
-}
-
-PGRAPH_API status fmi3EnterEventMode(void*) { return OK; }
-PGRAPH_API status fmi3EnterContinuousTimeMode(void*) { return OK; }
 PGRAPH_API status fmi3EnterStepMode(void*) { return OK; }
 PGRAPH_API status fmi3EnterConfigurationMode(void* c) { return told(c, ERROR, NEVER); }
 PGRAPH_API status fmi3ExitConfigurationMode(void* c) { return told(c, ERROR, NEVER); }
-PGRAPH_API status fmi3Terminate(void*) { return OK; }
-PGRAPH_API status fmi3Reset(void* c) { return component_reset(c), OK; }
 
 PGRAPH_API status fmi3GetFloat64(void* of, const reference which[], size_t n, double values[],
                                  size_t count) {
@@ -63,34 +56,20 @@ PGRAPH_API status fmi3SetFloat64(void* of, const reference which[], size_t n, co
   return n == count ? set_reals(of, which, n, values) : told(of, ERROR, "the counts differ");
 }
 
-/* A function about variables of a type that the model does not have. */
-#define WITHOUT(name, ...)                                                    \
-  PGRAPH_API status name(void* c, const reference[], size_t n, __VA_ARGS__) { \
-    return n ? told(c, ERROR, NONE) : OK;                                     \
-  }
 #define OTHER_TYPE(name, type)           \
   WITHOUT(fmi3Get##name, type[], size_t) \
   WITHOUT(fmi3Set##name, const type[], size_t)
-OTHER_TYPE(Float32, float)
-OTHER_TYPE(Int8, int8_t)
-OTHER_TYPE(UInt8, uint8_t)
-OTHER_TYPE(Int16, int16_t)
-OTHER_TYPE(UInt16, uint16_t)
-OTHER_TYPE(Int32, int32_t)
-OTHER_TYPE(UInt32, uint32_t)
-OTHER_TYPE(Int64, int64_t)
-OTHER_TYPE(UInt64, uint64_t)
+OTHER_TYPE(Float32, float) OTHER_TYPE(Int8, int8_t) OTHER_TYPE(UInt8, uint8_t)
+OTHER_TYPE(Int16, int16_t) OTHER_TYPE(UInt16, uint16_t) OTHER_TYPE(Int32, int32_t)
+OTHER_TYPE(UInt32, uint32_t) OTHER_TYPE(Int64, int64_t) OTHER_TYPE(UInt64, uint64_t)
 OTHER_TYPE(Boolean, bool)
-WITHOUT(fmi3GetString, const char*[], size_t)
-WITHOUT(fmi3SetString, const char* const[], size_t)
+WITHOUT(fmi3GetString, const char*[], size_t) WITHOUT(fmi3SetString, const char* const[], size_t)
 WITHOUT(fmi3GetBinary, size_t[], const uint8_t*[], size_t)
 WITHOUT(fmi3SetBinary, const size_t[], const uint8_t* const[], size_t)
-WITHOUT(fmi3GetClock, bool[])
-WITHOUT(fmi3SetClock, const bool[])
+WITHOUT(fmi3GetClock, bool[]) WITHOUT(fmi3SetClock, const bool[])
 WITHOUT(fmi3GetIntervalDecimal, double[], int[])
 WITHOUT(fmi3GetIntervalFraction, uint64_t[], uint64_t[], int[])
-WITHOUT(fmi3GetShiftDecimal, double[])
-WITHOUT(fmi3GetShiftFraction, uint64_t[], uint64_t[])
+WITHOUT(fmi3GetShiftDecimal, double[]) WITHOUT(fmi3GetShiftFraction, uint64_t[], uint64_t[])
 WITHOUT(fmi3SetIntervalDecimal, const double[])
 WITHOUT(fmi3SetIntervalFraction, const uint64_t[], const uint64_t[])
 WITHOUT(fmi3SetShiftDecimal, const double[])
@@ -105,41 +84,28 @@ PGRAPH_API status fmi3GetVariableDependencies(void* c, reference, size_t[], refe
   return told(c, ERROR, NEVER);
 }
 
-PGRAPH_API status fmi3GetFMUState(void* c, void** state) { return copy_state(c, state); }
-PGRAPH_API status fmi3SetFMUState(void* c, void* state) { return restored(c, state); }
-PGRAPH_API status fmi3FreeFMUState(void*, void** state) { return free_state(state); }
-PGRAPH_API status fmi3SerializedFMUStateSize(void* c, void*, size_t* size) {
-  *size = serialised_size(c);
-  return OK;
+PGRAPH_API status fmi3GetDirectionalDerivative(void* c, const reference unknowns[], size_t n,
+                                               const reference knowns[], size_t m,
+                                               const double seed[], size_t seeds, double found[],
+                                               size_t count) {
+  if (seeds != m || count != n) return told(c, ERROR, "the counts differ");
+  return directional(c, unknowns, n, knowns, m, seed, found);
 }
-PGRAPH_API status fmi3SerializeFMUState(void* c, void* state, uint8_t to[], size_t size) {
-  return serialise(c, state, (char*)to, size);
+PGRAPH_API status fmi3GetAdjointDerivative(void* c, const reference[], size_t, const reference[],
+                                           size_t, const double[], size_t, double[], size_t) {
+  return told(c, ERROR, NEVER);
 }
-PGRAPH_API status fmi3DeserializeFMUState(void* c, const uint8_t from[], size_t size,
-                                          void** state) {
-  return deserialise(c, (const char*)from, size, state);
-}
-
-#define DERIVATIVE(name)                                                                \
-  PGRAPH_API status name(void* c, const reference[], size_t, const reference[], size_t, \
-                         const double[], size_t, double[], size_t) {                    \
-    return told(c, ERROR, NEVER);                                                       \
-  }
-DERIVATIVE(fmi3GetDirectionalDerivative)
-DERIVATIVE(fmi3GetAdjointDerivative)
 
 PGRAPH_API status fmi3EvaluateDiscreteStates(void*) { return OK; }
 PGRAPH_API status fmi3UpdateDiscreteStates(void* c, bool* again, bool* terminate, bool* scales,
                                            bool* values, bool* defined, double* next) {
   int changed = 0;
   status how = put_back(c, &changed);
-  *again = *terminate = *scales = *defined = false;
+  *again = *terminate = *scales = false;
   *values = changed;
-  *next = 0.0;
+  *defined = next_event(c, next);
   return how;
 }
-
-/* -- model exchange --------------------------------------------------------------------------- */
 
 PGRAPH_API status fmi3CompletedIntegratorStep(void* c, bool, bool* events, bool* terminate) {
   int enter = 0;
@@ -148,32 +114,13 @@ PGRAPH_API status fmi3CompletedIntegratorStep(void* c, bool, bool* events, bool*
   *terminate = false;
   return how;
 }
-PGRAPH_API status fmi3SetTime(void* c, double t) { return set_time(c, t); }
-PGRAPH_API status fmi3SetContinuousStates(void* c, const double x[], size_t n) {
-  return put_states(c, x, n);
-}
-PGRAPH_API status fmi3GetContinuousStates(void* c, double x[], size_t n) {
-  return get_states(c, x, n);
-}
 PGRAPH_API status fmi3GetContinuousStateDerivatives(void* c, double rates[], size_t n) {
   return get_rates(c, rates, n);
 }
-PGRAPH_API status fmi3GetEventIndicators(void* c, double[], size_t n) {
-  return n ? told(c, ERROR, NEVER) : OK;
-}
-PGRAPH_API status fmi3GetNominalsOfContinuousStates(void*, double values[], size_t n) {
-  return nominals(values, n);
-}
-PGRAPH_API status fmi3GetNumberOfEventIndicators(void*, size_t* n) {
-  *n = 0;
-  return OK;
-}
+PGRAPH_API status fmi3GetNumberOfEventIndicators(void*, size_t* n) { return *n = 0, OK; }
 PGRAPH_API status fmi3GetNumberOfContinuousStates(void* c, size_t* n) {
-  *n = state_count(c);
-  return OK;
+  return *n = state_count(c), OK;
 }
-
-/* -- co-simulation ---------------------------------------------------------------------------- */
 
 PGRAPH_API status fmi3DoStep(void* c, double now, double duration, bool, bool* events,
                              bool* terminate, bool* early, double* reached) {

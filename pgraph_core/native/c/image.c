@@ -4,6 +4,9 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
+#ifdef __x86_64__
+#include <xmmintrin.h>
+#endif
 
 /* Kernels that others call by address, in the order of LINKED in library.py. */
 #define LINKED(use)                                                                                \
@@ -57,7 +60,8 @@ const char* image_problem(const void* model, size_t bytes) {
       outside(w, W_LINKS, w[W_LINK_COUNT], 16) ||
       outside(w, W_VARIABLES, w[W_VARIABLE_COUNT], 8 * V_WORDS) ||
       outside(w, W_EFFECTS, w[W_EFFECT_COUNT], 8 * E_WORDS) ||
-      outside(w, W_SPINS, w[W_SPIN_COUNT], 16) || outside(w, W_SLIDES, w[W_SLIDE_COUNT], 16))
+      outside(w, W_SPINS, w[W_SPIN_COUNT], 16) || outside(w, W_SLIDES, w[W_SLIDE_COUNT], 16) ||
+      outside(w, W_INSTANTS, w[W_INSTANT_COUNT], 8))
     return "the file of the model is damaged";
   return NULL;
 }
@@ -75,23 +79,24 @@ double real(const int64_t* word) {
 double real_word(const pgraph* p, int word) { return real(p->words + word); }
 
 /* Move all addresses in a copy of the image by a distance. */
-void image_shift(const pgraph* p, unsigned char* memory, int64_t by) {
+static void image_shift(const pgraph* p, unsigned char* memory, int64_t by) {
   const int64_t* places = section(p, W_RELOCATIONS);
   for (int64_t i = 0; i < p->words[W_RELOCATION_COUNT]; i++) *(int64_t*)(memory + places[i]) += by;
 }
 
-static void link_kernels(const pgraph* p, unsigned char* memory) {
+/* Give the image its own addresses. */
+static void arrive(pgraph* p) {
   const int64_t* links = section(p, W_LINKS);
+  image_shift(p, p->image, (int64_t)(uintptr_t)p->image - p->words[W_BASE]);
   for (int64_t i = 0; i < p->words[W_LINK_COUNT]; i++)
-    *(uint64_t*)(memory + links[2 * i]) = (uintptr_t)linked[links[2 * i + 1]];
+    *(uint64_t*)(p->image + links[2 * i]) = (uintptr_t)linked[links[2 * i + 1]];
 }
 
 /* Everything as it was written, but the values that the user set. */
 void image_load(pgraph* p) {
   const int64_t* w = p->words;
   memcpy(p->image, (const unsigned char*)w + w[W_IMAGE], (size_t)w[W_VALUES]);
-  image_shift(p, p->image, (int64_t)(uintptr_t)p->image - w[W_BASE]);
-  link_kernels(p, p->image);
+  arrive(p);
 }
 
 size_t pgraph_state_size(const pgraph* p) { return (size_t)p->words[W_IMAGE_BYTES] + 16; }
@@ -114,8 +119,7 @@ int pgraph_restore(pgraph* p, const void* state) {
   if (how < -1 || how > 1) return fail(p, "this is no state of an instance of this model");
   memcpy(&p->began, in + 8, 8);
   memcpy(p->image, in + 16, (size_t)p->words[W_IMAGE_BYTES]);
-  image_shift(p, p->image, (int64_t)(uintptr_t)p->image - p->words[W_BASE]);
-  link_kernels(p, p->image);
+  arrive(p);
   p->state = (int)how;
   p->seen = 0;
   return 0;
@@ -132,6 +136,27 @@ int fail(pgraph* p, const char* text, ...) {
 const char* pgraph_message(const pgraph* p) { return p->message; }
 
 /* -- kernels ---------------------------------------------------------------------------------- */
+
+/* Kernels need the usual mode for numbers, which the host may have changed: to nearest, with
+   subnormal numbers and without traps. */
+#if defined(__x86_64__)
+static uint64_t mode_begin(void) {
+  uint64_t before = _mm_getcsr();
+  _mm_setcsr(0x1f80);
+  return before;
+}
+static void mode_end(uint64_t before) { _mm_setcsr((uint32_t)before); }
+#elif defined(__aarch64__)
+static uint64_t mode_begin(void) {
+  uint64_t before, usual = 0;
+  __asm__ volatile("mrs %0, fpcr" : "=r"(before));
+  __asm__ volatile("msr fpcr, %0" : : "r"(usual));
+  return before;
+}
+static void mode_end(uint64_t before) { __asm__ volatile("msr fpcr, %0" : : "r"(before)); }
+#else
+#error "no floating-point mode for this processor"
+#endif
 
 void put_word(arguments* a, uint64_t word) { a->words[a->count++] = word; }
 
@@ -161,32 +186,8 @@ void put_array(arguments* a, const pgraph* p, int which) {
 
 int64_t called(kernel* k, arguments* a) {
   uint64_t results[8] = {0};
+  uint64_t before = mode_begin();
   k(a->words, results);
+  mode_end(before);
   return (int64_t)results[0];
 }
-
-/* -- the floating-point mode ------------------------------------------------------------------ */
-
-#if defined(__x86_64__)
-enum { USUAL = 0x1f80 }; /* all exceptions masked, round to nearest, subnormal numbers kept */
-mode mode_begin(void) {
-  uint32_t before, usual = USUAL;
-  __asm__ volatile("stmxcsr %0" : "=m"(before));
-  __asm__ volatile("ldmxcsr %0" : : "m"(usual));
-  return before;
-}
-void mode_end(mode before) {
-  uint32_t then = (uint32_t)before;
-  __asm__ volatile("ldmxcsr %0" : : "m"(then));
-}
-#elif defined(__aarch64__)
-mode mode_begin(void) {
-  uint64_t before, usual = 0;
-  __asm__ volatile("mrs %0, fpcr" : "=r"(before));
-  __asm__ volatile("msr fpcr, %0" : : "r"(usual));
-  return before;
-}
-void mode_end(mode before) { __asm__ volatile("msr fpcr, %0" : : "r"(before)); }
-#else
-#error "no floating-point mode for this processor"
-#endif

@@ -16,7 +16,7 @@ enum word {
   W_ORIGIN, W_TAKEN, W_FRAME, W_LAST, W_LEFT, W_SPAN, W_FRESH, W_LOGGED, W_STATE_ROW, W_CHOSEN,
   W_GIVEN, W_ADAPTIVE, W_BY_TOLERANCE, W_PROJECT, W_BOUNDED, W_MOVABLE, W_START, W_STEP,
   W_TOLERANCE, W_FIXED_TOLERANCE, W_USUAL_SPAN, W_ROWS, W_MASS, W_LINK, W_COM, W_INERTIA, W_MOVES,
-  W_COORDINATES, W_VELOCITIES, W_COUNT,
+  W_COORDINATES, W_VELOCITIES, W_LOADED, W_INSTANTS, W_INSTANT_COUNT, W_COUNT,
 };
 // clang-format on
 
@@ -27,7 +27,7 @@ enum array {
   A_PARENT, A_BODY, A_MOTION, A_START, A_TRACKS, A_ROWS, A_CONST, A_BODIES_I, A_BODIES_F, A_HOME,
   A_Q, A_V, A_TRIAL, A_GIVEN, A_FLOW, A_VDOT, A_WRENCHES, A_TIMES, A_SENSORS, A_GRAVITY,
   A_FRAME_Q, A_FRAME_V, A_FRAME_VDOT, A_EXTERNAL, A_WORK, A_POSITION, A_ROTATION, A_VELOCITY,
-  A_ACCELERATION, A_FORCE, A_POSE, A_READINGS, A_X, A_COUNT,
+  A_ACCELERATION, A_FORCE, A_POSE, A_READINGS, A_X, A_LOADS, A_COUNT,
 };
 // clang-format on
 
@@ -54,7 +54,6 @@ enum { ALIGNMENT = 64 };
 
 const char* image_problem(const void* model, size_t bytes);
 void image_load(pgraph* p);
-void image_shift(const pgraph* p, unsigned char* memory, int64_t by);
 const int64_t* array_of(const pgraph* p, int which);
 double* numbers(const pgraph* p, int which);
 int64_t* integer_at(const pgraph* p, int word);
@@ -65,18 +64,17 @@ const int64_t* section(const pgraph* p, int word);
 int fail(pgraph* p, const char* text, ...);
 
 int accelerate(pgraph* p);
+/* Move a state, an input or the time of a run, whatever their bounds. -1 for other variables. */
+int move(pgraph* p, int k, double by);
+/* How far projection moves the state, which it leaves. The moved one is in A_TRIAL. */
+int drift(pgraph* p, double* moved);
 /* Readings of the outputs at the present state. Null with a message if there are none. */
 const double* readings(pgraph* p);
-
-/* Numbers of the host's floating-point mode: kernels need the usual one. */
-typedef uint64_t mode;
-mode mode_begin(void);
-void mode_end(mode);
 
 /* Kernels, called with words for their arguments. */
 typedef int kernel(uint64_t* words, uint64_t* results);
 kernel w_advance_run, w_projection, w_constrained_dynamics, w_bound_step, w_pack, w_followed,
-    w_motion_and_forces, w_as_quaternions, w_read_sensors;
+    w_motion_and_forces, w_as_quaternions, w_read_sensors, w_load_wrenches;
 
 typedef struct {
   uint64_t words[160];

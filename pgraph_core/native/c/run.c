@@ -12,22 +12,12 @@ static const double NOTABLE = 1e-6;  /* as in analysis/assembly.py */
 
 extern void k_acceleration(void);
 
-static const char* reason(int64_t code) {
-  switch (code) {
-    case 1:
-      return "the numbers are no longer finite: try a smaller step";
-    case 2:
-      return "the constraints can no longer be met: the mechanism may be torn or singular";
-    case 4:
-      return "the error allows no step: something changes too fast";
-    case 5:
-      return "it took too many steps";
-    case 6:
-      return "the equations of a step could not be solved: try a smaller step";
-    default:
-      return "a step failed";
-  }
-}
+/* Why a run stopped, by the status code of the kernels. */
+static const char* const reasons[] = {
+    "", "the numbers are no longer finite: try a smaller step",
+    "the constraints can no longer be met: the mechanism may be torn or singular", "",
+    "the error allows no step: something changes too fast", "it took too many steps",
+    "the equations of a step could not be solved: try a smaller step"};
 
 size_t pgraph_size(const void* model, size_t bytes, const char** why) {
   const char* problem = image_problem(model, bytes);
@@ -65,7 +55,11 @@ const double* pgraph_v(const pgraph* p, size_t* count) {
 
 /* -- variables -------------------------------------------------------------------------------- */
 
-static int ready(pgraph* p);
+static int ready(pgraph* p) {
+  if (p->state == 1) return 0;
+  return p->state ? fail(p, "the run has stopped at t = %.6g s; start it again", pgraph_time(p))
+                  : fail(p, "the instance has not been started");
+}
 
 static const int64_t* variable(const pgraph* p, int k) {
   return section(p, W_VARIABLES) + (int64_t)k * V_WORDS;
@@ -134,6 +128,23 @@ int pgraph_set(pgraph* p, int k, double value) {
   return 0;
 }
 
+int move(pgraph* p, int k, double by) {
+  int kind = pgraph_kind(p, k);
+  if (kind == PGRAPH_TIME) {
+    *real_at(p, W_TIME) += by;
+  } else if (kind == PGRAPH_STATE) {
+    *(double*)(p->image + variable(p, k)[V_READ]) += by;
+  } else if (kind == PGRAPH_INPUT) {
+    act(p, k, p->values[k] += by);
+  } else {
+    return fail(p, "'%s' is no state, input or time, by which derivatives exist",
+                pgraph_name(p, k));
+  }
+  *integer_at(p, W_FRESH) = 0;
+  p->seen = 0;
+  return 0;
+}
+
 int pgraph_get(pgraph* p, int k, double* value) {
   int kind = pgraph_kind(p, k);
   if (kind < 0) return fail(p, "no variable has the number %d; there are %d", k, pgraph_count(p));
@@ -155,28 +166,21 @@ int pgraph_get(pgraph* p, int k, double* value) {
   return 0;
 }
 
-static int ready(pgraph* p) {
-  if (p->state == 1) return 0;
-  return p->state ? fail(p, "the run has stopped at t = %.6g s; start it again", pgraph_time(p))
-                  : fail(p, "the instance has not been started");
-}
-
 /* -- the start -------------------------------------------------------------------------------- */
+
+static double length(const double* x) { return sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]); }
 
 /* Largest of the mechanism's own lengths [m], as `length_in` in packing. */
 static double length_of(const pgraph* p) {
   const int64_t *w = p->words, rows = w[W_ROWS], columns = array_of(p, A_CONST)[4];
-  double gyration = 0.0, far[2] = {0.0, 0.0};
+  double gyration = 0.0, far = 0.0;
   for (int64_t r = 1; r < rows; r++) {
-    const double *row = numbers(p, A_CONST) + r * columns,
-                 *arms[2] = {row + w[W_LINK], row + w[W_COM]};
-    const double *inertia = row + w[W_INERTIA], mass = row[w[W_MASS]];
+    const double *row = numbers(p, A_CONST) + r * columns, *inertia = row + w[W_INERTIA];
+    double mass = row[w[W_MASS]];
     if (mass > 0.0) gyration = fmax(gyration, (inertia[0] + inertia[1] + inertia[2]) / mass);
-    for (int i = 0; i < 2; i++)
-      far[i] = fmax(far[i], sqrt(arms[i][0] * arms[i][0] + arms[i][1] * arms[i][1] +
-                                 arms[i][2] * arms[i][2]));
+    far = fmax(far, fmax(length(row + w[W_LINK]), length(row + w[W_COM])));
   }
-  double found = fmax(sqrt(gyration), fmax(far[0], far[1]));
+  double found = fmax(sqrt(gyration), far);
   if (found > 0.0) return found;
   for (int64_t i = 0; i < w[W_COORDINATES]; i++) found = fmax(found, fabs(numbers(p, A_HOME)[i]));
   return found > 0.0 ? found : 1.0;
@@ -197,11 +201,10 @@ static void pack(const pgraph* p) {
 static uint64_t scene(const pgraph* p) { return (uintptr_t)(p->image + p->words[W_SCENE]); }
 static uint64_t run(const pgraph* p) { return (uintptr_t)(p->image + p->words[W_RUN]); }
 
-int pgraph_project(pgraph* p, double* moved) {
+int drift(pgraph* p, double* moved) {
   int64_t nq = array_of(p, A_Q)[3], nv = array_of(p, A_V)[3], count[2] = {nq, nv};
   double *trial = numbers(p, A_TRIAL), *q = numbers(p, A_Q), *v = numbers(p, A_V);
   const int64_t* spin = section(p, W_SPINS);
-  if (moved) *moved = 0.0;
   memcpy(trial, q, (size_t)nq * 8);
   memcpy(trial + nq, v, (size_t)nv * 8);
   for (int64_t i = 0; i < p->words[W_SPIN_COUNT]; i++, spin += 2) {
@@ -218,18 +221,25 @@ int pgraph_project(pgraph* p, double* moved) {
     for (int k = 0; k < 7; k++) put_word(&a, one[k]);
   }
   put_word(&a, (uint64_t)ROUNDS);
-  mode before = mode_begin();
   int64_t rounds = p->words[W_PROJECT] ? called(w_projection, &a) : 0;
-  mode_end(before);
   double most = 0.0;
   for (int64_t i = 0; i < nq + nv; i++) {
     double change = fabs(trial[i] - (i < nq ? q[i] : v[i - nq]));
     most = change > most || change != change ? change : most;
   }
   if (rounds < 0 || !isfinite(most)) return fail(p, "the constraints cannot be met");
-  if (moved) *moved = most;
-  memcpy(q, trial, (size_t)nq * 8);
-  memcpy(v, trial + nq, (size_t)nv * 8);
+  *moved = most;
+  return 0;
+}
+
+int pgraph_project(pgraph* p, double* moved) {
+  size_t nq = (size_t)array_of(p, A_Q)[3], nv = (size_t)array_of(p, A_V)[3];
+  double change = 0.0;
+  int code = drift(p, &change);
+  if (moved) *moved = change;
+  if (code) return -1;
+  memcpy(numbers(p, A_Q), numbers(p, A_TRIAL), nq * 8);
+  memcpy(numbers(p, A_V), numbers(p, A_TRIAL) + nq, nv * 8);
   p->seen = 0;
   return 0;
 }
@@ -243,9 +253,7 @@ int accelerate(pgraph* p) {
     const int which[] = {A_Q, A_V, A_GIVEN, A_FLOW, A_VDOT, A_WRENCHES};
     put_array(&a, p, which[i]);
   }
-  mode before = mode_begin();
   int64_t code = called(w_constrained_dynamics, &a);
-  mode_end(before);
   if (code > 0) return fail(p, "a joint has no inertia with these values");
   return code < 0 ? fail(p, "the acceleration is not finite at t = %g s", pgraph_time(p)) : 0;
 }
@@ -308,9 +316,7 @@ int pgraph_start(pgraph* p, double t) {
       (const double*)((const char*)p->words + p->words[W_IMAGE] + p->words[W_VALUES]);
   for (int k = 0; k < pgraph_count(p); k++) /* what was not changed keeps its bits */
     if (p->values[k] != own[k]) packs |= act(p, k, p->values[k]);
-  mode before = mode_begin();
   if (packs) pack(p);
-  mode_end(before);
   *real_at(p, W_TIME) = *real_at(p, W_ORIGIN) = numbers(p, A_TIMES)[0] = p->began = t;
   double moved = 0.0;
   if (pgraph_project(p, &moved) || !(moved <= NOTABLE))
@@ -320,9 +326,7 @@ int pgraph_start(pgraph* p, double t) {
     arguments a = {.count = 0};
     put_word(&a, run(p));
     put_word(&a, (uint64_t)p->words[W_STATE_ROW]);
-    before = mode_begin();
-    called(w_bound_step, &a);
-    mode_end(before);
+      called(w_bound_step, &a);
   }
   choose_steps(p);
   if (!p->words[W_BY_TOLERANCE]) *real_at(p, W_WIDEST) = 0.0;
@@ -353,9 +357,7 @@ static int64_t advance(pgraph* p, int64_t n) {
   put_word(&a, run(p));
   put_word(&a, (uint64_t)n);
   if (p->words[W_LOGGED]) *integer_at(p, W_LOGGED) = 0;
-  mode before = mode_begin();
   int64_t code = called(w_advance_run, &a);
-  mode_end(before);
   p->seen = 0;
   return code;
 }
@@ -363,7 +365,8 @@ static int64_t advance(pgraph* p, int64_t n) {
 static int went(pgraph* p, int64_t code) {
   if (code == DONE || code == RUNNING) return 0;
   p->state = -1;
-  return fail(p, "the run stopped at t = %.6g s: %s", pgraph_time(p), reason(code));
+  return fail(p, "the run stopped at t = %.6g s: %s", pgraph_time(p),
+              code > 0 && code < 7 ? reasons[code] : "a step failed");
 }
 
 /* Take `n` given steps, each in as many parts as events within it need. */
