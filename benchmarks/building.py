@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -40,7 +41,7 @@ def rows(effort: Effort) -> Iterator[Row]:
 
 def many_geoms(effort: Effort) -> Iterator[Row]:
     """An MJCF file with many boxes in the world, read as a Model; MuJoCo reads and compiles it."""
-    import mujoco
+    mujoco = import_module("mujoco")
 
     count = effort.pick(3000, 100)
     box = '<geom type="box" size=".1 .1 .1" pos="{} 0 0"/>'
@@ -54,6 +55,17 @@ def many_geoms(effort: Effort) -> Iterator[Row]:
             "MjModel.from_xml_path": lambda: mujoco.MjModel.from_xml_path(str(path)),
         }
         yield from compared(effort, f"MJCF file of {count} boxes", sides, unit="file")
+
+        def first() -> pg.Result:
+            return pg.simulate(pg.read_mjcf(path)[0], t_end=STEP, step=STEP, frames=2)
+
+        def theirs() -> None:
+            model = mujoco.MjModel.from_xml_path(str(path))
+            mujoco.mj_step(model, mujoco.MjData(model))
+
+        sides = {"pgraph": first, "mujoco": theirs}
+        case = f"file of {count} boxes to its first step"
+        yield from compared(effort, case, sides, unit="file", rounds=effort.pick(5, 2))
 
 
 def from_model(effort: Effort, place: Scene) -> Iterator[Row]:
@@ -80,7 +92,7 @@ def from_text(effort: Effort, place: Scene) -> Iterator[Row]:
         "pgraph, validation alone": lambda: pg.Model(**data),
     }
     if has("mujoco"):
-        import mujoco
+        mujoco = import_module("mujoco")
 
         spec = spec_builder(place)()
         spec.compile()
@@ -99,7 +111,7 @@ def builders(place: Scene) -> Calls:
     found: Calls = {}
     small = len(place.model.bodies) < 100
     if has("mujoco"):
-        import mujoco
+        mujoco = import_module("mujoco")
 
         spec = spec_builder(place)
         found["MjSpec + compile"] = lambda: spec().compile()
@@ -145,7 +157,7 @@ def parent_changed(effort: Effort, plain: pg.Model) -> Iterator[Row]:
         "pgraph, model.edit and Mechanism": by_model,
     }
     if has("mujoco"):
-        import mujoco
+        mujoco = import_module("mujoco")
 
         specs = [spec_builder(place)() for place in places]
         sides["compile + MjData"] = lambda: [mujoco.MjData(spec.compile()) for spec in specs]
@@ -171,7 +183,7 @@ def mass_changed(effort: Effort, model: pg.Model) -> Iterator[Row]:
         "pgraph, model.edit and Mechanism": lambda: pg.Mechanism(model.edit(PAW, mass=0.5)),
     }
     if has("mujoco"):
-        import mujoco
+        mujoco = import_module("mujoco")
 
         compiled = spec_builder(scene("", model))().compile()
         data, body = mujoco.MjData(compiled), compiled.body(PAW).id

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pgraph_core as pg
 from pgraph_peers import exudyn as in_exudyn
@@ -35,6 +36,8 @@ def rows(effort: Effort) -> Iterator[Row]:
     for words in ("", ", with the estimate", ", with the estimate, chaotic"):
         yield from whole_call(effort, number, words)
     yield from one_step(effort)
+    for place in (scene("chain of 20", pg.Model.serial(20), 0.2), tree_of_quadruped(0.2)):
+        yield from short_calls(effort, place)
     yield from walking(effort)
 
 
@@ -99,8 +102,9 @@ def whole_call(effort: Effort, number: int, words: str) -> Iterator[Row]:
     It takes a finer run where the motion is chaotic: there the chain starts at random angles.
     """
     place = scene("chain of 20", pg.Model.serial(20), 0.2)
+    state: Any = place.state
     if "chaotic" not in words:
-        place = place._replace(state=place.state._replace(q=CALM * place.state.q))
+        place = place._replace(state=state._replace(q=CALM * state.q))
     name = f"whole call of {number} steps{words}"
     mech, q, v = pg.Mechanism(place.model), place.state.q, place.state.v
     options = {"t_end": number * STEP, "step": STEP, "method": EULER, "frames": 2}
@@ -129,6 +133,31 @@ def one_step(effort: Effort) -> Iterator[Row]:
     ours = {"pgraph": lambda: pg.simulate(mech, q, v, **options)}
     sides = {f"{CALLS} calls of forward_dynamics": calls, **ours}
     return compared(effort, f"one step by simulate, {place.name}", sides)
+
+
+def short_calls(effort: Effort, place: Scene) -> Iterator[Row]:
+    """An episode of 20 steps from the initial state, by a Stepper and by `simulate`."""
+    name = f"{PIECE} steps from the start, {place.name}"
+    mech, q, v = pg.Mechanism(place.model), place.state.q, place.state.v
+    options = {"t_end": PIECE * STEP, "step": STEP, "method": EULER, "frames": 2}
+    stepper = pg.Stepper(mech, step=STEP, method=EULER, q=q, v=v)
+
+    def episode() -> None:
+        stepper.reset(q, v)
+        stepper.step(n=PIECE)
+
+    sides: dict[str, Callable[[], object]] = {
+        "pgraph, Stepper": episode,
+        "pgraph, its reset alone": lambda: stepper.reset(q, v),
+        "pgraph, simulate": lambda: pg.simulate(mech, q, v, estimate=False, **options),
+        "pgraph, simulate with the estimate": lambda: pg.simulate(mech, q, v, **options),
+    }
+    agrees = ""
+    if has("mujoco"):
+        sides["mujoco.rollout"], change = in_mujoco.rollout(place, STEP, EULER, PIECE)
+        episode()
+        agrees = f"mujoco {differ(stepper.q - q, change()[0], 1e-5, name)}"
+    yield from compared(effort, name, sides, agrees=agrees)
 
 
 def walking(effort: Effort) -> Iterator[Row]:

@@ -10,6 +10,7 @@ import re
 import stat
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
@@ -125,9 +126,22 @@ def _of_kinds(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str, type[
 
 def _without_new(kind: type[Frozen], data: dict[str, Any]) -> dict[str, Any]:
     """Return the fields of a part, without default values in fields that schema 1 lacks."""
-    fields = {k: info.default for k, info in kind.model_fields.items() if facts(info).since > 1}
-    new = {k: [] if x == () else x for k, x in fields.items()}  # JSON has no tuples
+    new = _new_fields(kind)
     return {k: x for k, x in data.items() if k not in new or x != new[k]}
+
+
+@cache
+def _new_fields(kind: type[Frozen]) -> dict[str, Any]:
+    """Return the default values of the fields that schema 1 lacks, as JSON has them."""
+    fields = {k: info.default for k, info in kind.model_fields.items() if facts(info).since > 1}
+    return {k: [] if x == () else x for k, x in fields.items()}  # JSON has no tuples
+
+
+@cache
+def _since(kind: type[Frozen]) -> tuple[int, dict[str, int]]:
+    """Return the first schema versions of a kind and of each of its fields."""
+    fields = {k: facts(info).since for k, info in kind.model_fields.items()}
+    return getattr(kind, "SINCE", 1), fields
 
 
 def _versions(data: dict[str, Any]) -> Iterator[int]:
@@ -157,8 +171,8 @@ def _versions(data: dict[str, Any]) -> Iterator[int]:
     if any("once" in when for when in conditions):
         yield ONCE
     for kind, part in parts:
-        yield getattr(kind, "SINCE", 1)
-        yield from (facts(info).since for key, info in kind.model_fields.items() if key in part)
+        own, since = _since(kind)
+        yield max([own, *(since[key] for key in part if key in since)])
 
 
 def _put_formulas(data: dict[str, Any], formulas: Sequence[Formula]) -> None:
