@@ -270,6 +270,20 @@ def test_a_loop_that_is_open_at_first_begins_closed_as_in_a_run():
     np.testing.assert_allclose(found.state, [*run.q[-1], *run.v[-1]], atol=1e-12)
 
 
+def test_joint_friction_begins_as_in_a_run():
+    """The trial step of a run for the forces of its first frame leaves no guess behind."""
+    rods = {"axes": (0, 1, 0), "shape": RODS, "mass": 1.2, "derived": ("com", "inertia"),
+            "friction": (0.3,), "damping": (0.1,), "limits": ((-1.0, 1.0),)}  # fmt: skip
+    bodies = [pg.Body(name="b0", **rods)]
+    for k in range(3):
+        bodies.append(pg.Body(name=f"b{k + 1}", parent=f"b{k}", link=(0.5, 0, 0), **rods))
+    model = pg.Model(bodies=bodies)
+    want, _ = final(model, 0.02, step=1e-3, method="moreau_jean")
+    found = instance(model).start()
+    found.call("step", 20)
+    np.testing.assert_array_equal(found.state, want)
+
+
 def test_names_that_coincide_are_told_apart_or_refused(tmp_path):
     model = arm().add(pg.Output(name="hand", kind="joint_position", at="hand"))
     names = [one.name for one in Exported(model, Wanted()).variables]
