@@ -206,16 +206,23 @@ class CancelFit(FromPage):
 # -- moments --------------------------------------------------------------------------------------
 
 
+def _positive(what: str, unit: str, text: str) -> float | None:
+    """Return a number above 0 that was typed, None for an empty text. Raises Refusal."""
+    if not text.strip():
+        return None
+    value = named_number(what, text)
+    if not value > 0.0:
+        raise Refusal(f"{what} must be above 0 {unit}, got {value:g}.")
+    return value
+
+
 class SetCutoff(TypedText):
     """Change the cut-off of the filter [Hz], "" for the usual one."""
 
     text: Text
 
     def taken(self, state: State) -> State:
-        value = named_number("The cut-off", self.text) if self.text.strip() else None
-        if value is not None and not value > 0.0:
-            raise Refusal(f"The cut-off must be above 0 Hz, got {value:g}.")
-        return _with(state, cutoff=value)
+        return _with(state, cutoff=_positive("The cut-off", "Hz", self.text))
 
 
 class SetPlate(TypedText):
@@ -293,10 +300,7 @@ class SetMass(TypedText):
     text: Text
 
     def taken(self, state: State) -> State:
-        value = named_number("The mass", self.text) if self.text.strip() else None
-        if value is not None and not value > 0.0:
-            raise Refusal(f"The mass must be above 0 kg, got {value:g}.")
-        return _with(state, mass=value)
+        return _with(state, mass=_positive("The mass", "kg", self.text))
 
 
 class ScaleModel(FromPage):
