@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .errors import InputError, Problem, choices, explained, shown
 from .fields import GROUND
 from .model import Model
-from .model.constraint import InJoints
+from .model.joint_constraint import InJoints
 from .numbering import canonical, children_of
 from .portable import EqualByFields, Portable, keep_unchanged
 

@@ -9,7 +9,7 @@ from typing import Any
 import pgraph_core as pg
 from pgraph_core.forces import BetweenPoints, Driven, OnJoint
 from pgraph_core.joints import slides
-from pgraph_core.model.constraint import OfOne, OfTwo
+from pgraph_core.model.joint_constraint import OfOne, OfTwo
 
 from ..core.cells import (
     Display,

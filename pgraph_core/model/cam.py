@@ -32,8 +32,9 @@ from ..rotation import matrix
 from ..tolerances import NOTABLE
 from ..units import RAD, M
 from .body import Body
-from .constraint import KIND, OfTwo, first_q
+from .constraint import KIND
 from .files import write_atomic
+from .joint_constraint import OfTwo, first_q
 
 FEWEST = 3  # points of a polygon
 STL_HEAD = 80  # bytes before the number of triangles

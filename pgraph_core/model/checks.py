@@ -7,25 +7,24 @@ from typing import Any
 
 from .. import joints, words
 from ..errors import MOST_TOLD, Problem, choices, counted, shown
-from ..fields import EVERY, GROUND, Described, OfSums, name_problem
-from ..forces import BetweenPoints, Force, OnJoint, Shift, Tendon, Within, legs_of
+from ..fields import EVERY, GROUND, Described
+from ..forces import Force
 from ..joints import quaternion_problems
 from ..shapes import KINDS, kind_of
-from ..signals import written
-from ..stateful import Stateful
 from .beam import Beam
 from .body import Body
 from .cam import Cam
-from .constraint import Constraint, Coupling, OfOne, OfTwo, Rolling, Sum
+from .constraint import Constraint, Rolling
 from .contact import Contact
 from .control import Control
 from .expressions import Known, drives_read, expression_problems, loop_problems
+from .force_checks import force_problems, late_limits, muscle_problems, place_problems
+from .joint_constraint import Coupling, OfOne, OfTwo, Sum
 from .output import OF_CONTACT, OF_JOINT, OF_LOAD, Output, Site
+from .part_checks import Bodies, pair_problems, problem_of_coordinate, sum_problems, unique, unknown
 from .scenario import Scenario, Switch, condition_problems, known_names
 from .segments import MARK, named, place_in, rigid, segment
 from .world import Ground, below_kinetic
-
-Bodies = Mapping[str, Body | None]  # bodies by name, None for invalid ones
 
 
 def tree_problems(names: Sequence[str], parents: Sequence[str]) -> list[Problem]:
@@ -75,59 +74,6 @@ def _cycles(names: Sequence[str], parents: Sequence[str], row: dict[str, int]) -
     return cycles
 
 
-def unique(kind: str, names: Iterable[str]) -> list[Problem]:
-    """Return empty and duplicate names among constraints, forces or scenarios."""
-    found: list[Problem] = []
-    seen: set[str] = set()
-    for i, name in enumerate(names):
-        if text := name_problem(name):
-            found.append(Problem(f"{kind} {i + 1}", "name", text))
-        elif name in seen:
-            text = f"another {kind} has this name; choose another name"
-            found.append(Problem(f"{kind} '{name}'", "name", text))
-        seen.add(name)
-    return found
-
-
-def unknown(name: str, bodies: Bodies, *others: str) -> str:
-    """Return an error for a name that is neither a body nor in `others`, else ""."""
-    if name in bodies or name in others:
-        return ""
-    text = "the ground does not move, so a force cannot act on the ground only" * (name == GROUND)
-    text = text or f"no body is named '{name}'"
-    return f"{text}; choose one of {choices((*others, *bodies))}"
-
-
-def is_ground(name: Any) -> bool:
-    """Check whether a name is that of the ground, or one that means it."""
-    return name == GROUND or bool(words.chosen(name, (GROUND,)))
-
-
-def pair_problems(
-    part: Constraint | Force | Contact, where: str, bodies: Bodies, *anyone: str
-) -> list[Problem]:
-    """Check for unknown bodies in `body` and `other`, and for a body paired with itself.
-
-    `anyone` contains names that represent bodies.
-    """
-    found = []
-    body, other = part.pair
-    for field, name, others in (("body", body, anyone), ("other", other, (GROUND, *anyone))):
-        if field == "body" and is_ground(name) and name not in bodies and other != name:
-            text = "the ground can be its `other` only; exchange the ends: "
-            text += f"body={other!r}, other='ground', with their points and axes"
-            found.append(Problem(where, field, text))
-        elif text := unknown(name, bodies, *others):
-            found.append(Problem(where, field, text))
-    if body == other and body not in anyone and not part._fits_one_body:
-        text = f"a body cannot be {_TIED[part.word()]} itself, got '{body}' twice"
-        found.append(Problem(where, "other", text))
-    return found
-
-
-_TIED = {"constraint": "constrained to", "force": "tied to", "contact": "in contact with"}
-
-
 def constraint_problems(items: Sequence[Constraint], bodies: Bodies) -> list[Problem]:
     """Check constraints for unknown or equal bodies, wrong coordinates and missing radii."""
     found = unique("constraint", [c.name for c in items])
@@ -153,7 +99,7 @@ def _joint_problems(c: Constraint, where: str, bodies: Bodies) -> list[Problem]:
         asked.append(("other_coordinate", c.other, c.other_coordinate))
     for field, name, k in asked:
         body = bodies.get(name)
-        if body is not None and (text := _coordinate_problem(body, k)):
+        if body is not None and (text := problem_of_coordinate(body, k)):
             found.append(Problem(where, field, text))
     body = bodies.get(c.body)
     if isinstance(c, Rolling) and c.radius is None and body is not None:
@@ -173,40 +119,6 @@ def fits_joint(c: Constraint, bodies: Bodies) -> bool:
     return not _joint_problems(c, "", bodies)
 
 
-def _coordinate_problem(body: Body, coordinate: int) -> str:
-    """Return the problem with a coordinate that must have its own position, or ""."""
-    if coordinate >= body.dof:
-        return joints.no_coordinate(body.name, body.dof, coordinate)
-    if not _has_position(body, coordinate):
-        known = [str(k) for k in range(body.dof) if _has_position(body, k)]
-        do = f"choose one of {choices(known)}" if known else "use kind 'orientation' or 'velocity'"
-        return f"requires a rotate or translate motion, which has a single coordinate; {do}"
-    return ""
-
-
-def sum_problems(
-    part: OfSums, where: str, bodies: Bodies, of_positions: bool, *, ours: bool = False
-) -> list[Problem]:
-    """Return problems with the coefficients in a sum. If `ours` is given, only check sums that
-    involve these bodies.
-
-    A sum of positions (`of_positions`) has no terms of balls and free joints.
-    """
-    found = []
-    for name, values in part.coefficients.items():
-        if ours and name not in bodies:
-            continue
-        text, body = unknown(name, bodies), bodies.get(name)
-        if body is not None and len(values) != body.dof:
-            text = f"the joint of '{name}' takes {counted(body.dof, 'number')}, got {len(values)}"
-        elif body is not None and of_positions:
-            bad = (_coordinate_problem(body, k) for k, x in enumerate(values) if x)
-            text = next(filter(None, bad), "")
-        if text:
-            found.append(Problem(where, "coefficients", text))
-    return found
-
-
 def contact_problems(items: Sequence[Contact], bodies: Bodies) -> list[Problem]:
     """Check contacts for unknown bodies, self-contact and bodies without a contact shape."""
     found = unique("contact", [c.name for c in items])
@@ -224,125 +136,6 @@ def _shape_problems(c: Contact, where: str, bodies: Bodies) -> list[Problem]:
             do = "give it a shape, or points" if field == "body" else "give it a shape"
             found.append(Problem(where, field, f"'{name}' has no collision shape; {do}"))
     return found
-
-
-def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list[Problem]:
-    """Check forces for unknown bodies, invalid joint coordinates and servos on a ball's angle."""
-    found = unique("force", [f.name for f in items])
-    for f in items:
-        where = f"{of}force '{f.name}'"
-        springs = isinstance(f, Tendon) or (isinstance(f, OnJoint) and f.law.kp != 0)
-        if isinstance(f, OfSums) and f.coefficients:
-            found += sum_problems(f, where, bodies, springs)
-            continue
-        if not isinstance(f, OnJoint):
-            found += pair_problems(f, where, bodies) + path_problems(f, where, bodies)
-            continue
-        if text := unknown(f.body, bodies):
-            found.append(Problem(where, "body", text))
-            continue
-        body = bodies[f.body]
-        if body is None:
-            continue
-        if f.coordinate >= body.dof:
-            text = joints.no_coordinate(f.body, body.dof, f.coordinate)
-            found.append(Problem(where, "coordinate", text))
-        elif springs and not _has_position(body, f.coordinate):
-            text = "kp of a servo requires a rotate or translate motion, not a ball joint"
-            found.append(Problem(where, "kp", text))
-    return found
-
-
-def muscle_problems(
-    forces: Sequence[Force], controls: Sequence[Control], scenarios: Sequence[Scenario]
-) -> list[Problem]:
-    """Check that each `x.NAME` means one part, and that muscles belong to the model."""
-    known, found = {c.name for c in controls}, list[Problem]()
-    for f in forces:
-        if isinstance(f, Stateful) and f.name in known:
-            text = f"a control is also called {shown(f.name)}, and {written('x', f.name)} would "
-            found.append(Problem(f"force '{f.name}'", "name", f"{text}mean both; rename one"))
-    for s in scenarios:
-        for f in s.forces:
-            if isinstance(f, Stateful):
-                text = f"a {f.own_kind()} has states and belongs to the forces of the model; in a "
-                text += "scenario, let its excitation depend on time, or give `inputs` to the run"
-                found.append(Problem(f"scenario '{s.name}', force '{f.name}'", "kind", text))
-    return found
-
-
-def place_problems(part: Constraint | Force, where: str, bodies: Bodies) -> list[Problem]:
-    """Check the points of further bodies for unknown bodies."""
-    return [
-        Problem(where, field, f"point {k}: {text}")
-        for field in part.PLACES
-        for k, place in enumerate(getattr(part, field), start=1)
-        if (text := unknown(place.body, bodies, GROUND))
-    ]
-
-
-def riding_problems(f: Force, where: str, bodies: Bodies) -> list[Problem]:
-    """Check the coordinates with which points of a path ride."""
-    if not isinstance(f, BetweenPoints):
-        return []
-    own: list[tuple[str, str, Any]] = [
-        ("shifts", "", f.shifts),
-        ("other_shifts", "", f.other_shifts),
-    ]
-    for k, via in enumerate(f.via, start=1):
-        own.append(("via", f"point {k}: ", (*via.shifts, *([via.when] if via.when else ()))))
-    found = list[Problem]()
-    for field, at, parts in own:
-        for one in parts:
-            if text := coordinate_problem(one, bodies):
-                found.append(Problem(where, field, f"{at}{text}"))
-    return found
-
-
-def coordinate_problem(one: Shift | Within, bodies: Bodies) -> str:
-    """Return why a point of a path cannot ride with a coordinate, or ""."""
-    if text := unknown(one.body, bodies):
-        return text
-    body = bodies[one.body]
-    if body is None:
-        return ""
-    if one.coordinate >= body.dof:
-        return joints.no_coordinate(one.body, body.dof, one.coordinate)
-    if not _has_position(body, one.coordinate):
-        text = f"coordinate {one.coordinate} of '{one.body}' is of a ball or free joint and has no "
-        return text + "value; name a hinge, slider, screw or curve"
-    return ""
-
-
-def path_problems(f: Force, where: str, bodies: Bodies) -> list[Problem]:
-    """Check a path for unknown bodies, for spans without a length and for a constant length."""
-    found = place_problems(f, where, bodies) + riding_problems(f, where, bodies)
-    body = bodies.get(f.body)
-    if found or not isinstance(f, BetweenPoints) or not f.via or body is None or f._rides:
-        return found
-    if {via.body for via in f.via} == {f.body} == {f.other}:
-        text = f"all its points are on '{f.body}', so that its length is constant; put one of them "
-        return [Problem(where, "via", f"{text}on another body or on the ground")]
-    points = [k for k, via in enumerate(f.via, start=1) if not via.is_obstacle]
-    names = ["point", *(f"point {k} of via" for k in points), "other_point"]
-    for k, ((one, a), past, (two, b)) in enumerate(legs_of(f, body)):
-        if not past and one == two and tuple(a) == tuple(b):
-            text = f"{names[k]} and {names[k + 1]} are the same point {shown(tuple(a))} of '{one}'"
-            found.append(Problem(where, "via", f"{text}; take one of them out or move it"))
-    return found
-
-
-def late_limits(forces: Iterable[Force], of: str = "") -> list[Problem]:
-    """Return problems of forces outside the model whose limits act in the whole model."""
-    text = "the limits of a {0} only act if it is part of the model; add the {0} to the model"
-    return [
-        Problem(f"{of}force '{f.name}'", "low", text.format(f.kind)) for f in forces if f._bounds
-    ]
-
-
-def _has_position(body: Body, coordinate: int) -> bool:
-    kinds = [m.kind for m in body.sequence for _ in range(joints.SIZE[m.kind][1])]
-    return kinds[coordinate] in joints.AXIAL
 
 
 def soles_among(contacts: Sequence[Contact]) -> list[str]:

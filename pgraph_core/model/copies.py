@@ -14,7 +14,7 @@ from ..rotation import multiply
 from ..shapes import kind_of
 from .beam import Beam
 from .body import Body, Shape
-from .constraint import Constraint, OfOne, OfTwo
+from .constraint import Constraint
 from .contact import Contact
 from .curve_point import CurvePoint
 from .editing import free_name, renamed
@@ -26,6 +26,7 @@ from .expressions import (
     read_through,
     renamed_in,
 )
+from .joint_constraint import OfOne, OfTwo
 from .output import Output, Site
 from .parameters import LONGEST_FORMULA, Formula, at, negated, ordered, probed
 from .scenario import Scenario

@@ -20,13 +20,14 @@ from .beam import Beam
 from .body import Body
 from .cam import Cam
 from .checks import PARTS, model_problems
-from .constraint import Constraint, Relation, Rolling
+from .constraint import Constraint, Rolling
 from .contact import Contact
 from .control import Control
 from .curve_point import CurvePoint
 from .doubts import doubts
 from .editing import followed_tips
 from .given import by_class, grounded, made_of, problems
+from .joint_constraint import Relation
 from .output import Output, Site
 from .parameters import Formula, inlined, resolved, still_true
 from .rope import Rope

@@ -16,19 +16,14 @@ from ..signals import signals_in, with_names
 from ..stateful import Stateful
 from .beam import Beam
 from .body import JOINT_FIELDS, Body
-from .checks import (
-    coordinate_problem,
-    fits_joint,
-    force_problems,
-    output_problems,
-    state_problems,
-    sum_problems,
-)
+from .checks import fits_joint, output_problems, state_problems
 from .constraint import Constraint
 from .contact import Contact
 from .control import Control
 from .expressions import TENSE, controls_read, drives_read, named_in, read_by, renamed_in
+from .force_checks import coordinate_problem, force_problems
 from .output import OF_JOINT, Output, Site
+from .part_checks import sum_problems
 from .scenario import Scenario, coordinates, followed, of_bodies
 
 NAMING = ("parent", "body", "other", "at")  # fields that name bodies

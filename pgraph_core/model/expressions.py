@@ -18,8 +18,9 @@ from ..signals.meaning import CONSTANTS, TIME, constant, dim_of, fits, places_of
 from ..stateful import Stateful
 from ..units import RAD, Dim, M, N, Q, S
 from .body import Body
-from .constraint import Constraint, Motion, OfOne, Relation
+from .constraint import Constraint
 from .control import PID, Control
+from .joint_constraint import Motion, OfOne, Relation
 from .output import OF_JOINT, OF_LOAD, Output
 from .rope import Rope
 

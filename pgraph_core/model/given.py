@@ -12,7 +12,8 @@ from ..fields import EVERY, GROUND, Described, part_problems
 from ..rotation import matrix
 from ..sentences import PAIR, no_such_field
 from .body import Body
-from .checks import PARTS, beam_problems, is_ground, reference_problems, tree_problems
+from .checks import PARTS, beam_problems, reference_problems, tree_problems
+from .part_checks import is_ground
 from .poses import Pose, carried
 from .segments import named, place_in, rigid
 from .world import World

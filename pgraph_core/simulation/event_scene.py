@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.tables import ContactPair, Limit, Tables, tables
+from ..contact.limits import Limit
+from ..contact.tables import ContactPair, Tables, tables
 from ..dynamics.arguments import UserTorque
 from ..dynamics.scene import ContactSpace, Scene
 from ..engine import layout as at

@@ -17,8 +17,8 @@ from ..packing.signals import gated
 from ..result import Status
 from ..tolerances import EPS, NOTABLE
 from .advice import for_failed
-from .contact_log import pressed_between
 from .fastened import parted
+from .overpowered import pressed_between
 from .running import Running
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def _contradicted(record: Running) -> str:
     """Return the contacts and limits that constraints drive bodies against, or ""."""
     if record.events is None or record.steps.recorded == 0:
         return ""
-    from .contact_log import contradicted
+    from .overpowered import contradicted
 
     scene, last = record.events.scene, record.steps.recorded - 1
     closed = np.flatnonzero(scene.phase != SWING).tolist()

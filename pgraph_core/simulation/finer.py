@@ -37,7 +37,7 @@ from .remedies import more_accurate
 from .run_plan import RunPlan
 
 if TYPE_CHECKING:
-    from ..contact.tables import Limit
+    from ..contact.limits import Limit
     from .monitors import Watch
 
 FIRST = 0.125 ** np.arange(3.0)  # ends of steps after a shared one, relative to a first step

@@ -11,7 +11,7 @@ from ..engine import layout as at
 from ..engine.edges import edges
 from ..engine.signals import rates
 from ..mechanism import Mechanism
-from ..model.constraint import Motion
+from ..model.joint_constraint import Motion
 from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import bends_of_loads
 from ..packing.programs import count_of_edges, of_time

@@ -18,7 +18,7 @@ from ..forces import Driven, OnJoint
 from ..integrators import Method
 from ..mechanism import Mechanism
 from ..model import Force, Scenario, Table
-from ..model.checks import force_problems, late_limits
+from ..model.force_checks import force_problems, late_limits
 from ..model.settings import (
     ADAPTIVE,
     AUTO,

@@ -447,7 +447,8 @@ def touching(record: Running, unlogged: int) -> Iterator[str]:
     mech, tables, last = record.mech, record.plan.contacts, record.steps.recorded - 1
     n = 0 if record.scene.touching is None or tables is None else _oriented(record)
     if n and tables is not None:
-        from .contact_log import contact_notices, overpowering
+        from .contact_log import contact_notices
+        from .overpowered import overpowering
 
         (q, v), t, pairs = _motion(record, n), record.steps.times[:n], record.out.pairs[:n]
         frames = t, q, pairs["gap"]
@@ -466,7 +467,7 @@ def touching(record: Running, unlogged: int) -> Iterator[str]:
         yield from of_events(mech, record.events.scene, record.active, frames).notices()
     idle = record.plan.idle
     if idle is not None and last >= 0 and idle.below(record.scene, record.out.q[last]):
-        from .contact_log import sunk_through
+        from .overpowered import sunk_through
 
         q, _ = _motion(record, last + 1)
         yield from sunk_through(mech, idle, record.began[0][: mech.nq], q[-1])
