@@ -223,18 +223,19 @@ def simulate(
         from .sensitivity import derivatives_of
 
         record.carried = derivatives_of(record, options, q, v, wrt)
-    record.ended.notices += notices_of_start(mech, options, (q, v, states), state[0])
-    result = _recorded(record, progress, estimate, (began, loaded))
+    said = notices_of_start(mech, options, (q, v, states), state[0])
+    result = _recorded(record, progress, estimate, (began, loaded), said)
     if mech.divided and estimate is not False:
         result = with_space_error(result, simulate, call, told)
     return result
 
 
 def _recorded(
-    record: Recording, progress: Any, estimate: bool | None, since: tuple[float, float]
-) -> Result:
+    record: Recording, progress: Any, estimate: bool | None, since: tuple[float, float],
+    said: list[str],
+) -> Result:  # fmt: skip
     """Step a run, estimate its error and return its result. `since` are the time at which the call
-    began and that spent on loading kernels until then [s].
+    began and that spent on loading kernels until then [s], and `said` the notices of its start.
     """
     (began, loaded), (built, busy) = since, clocks()
     with shown_progress(progress, "simulate") as bar:
@@ -248,6 +249,7 @@ def _recorded(
         "estimate": clocks()[0] - stepped,
         "load": LOADING.seconds - loaded,  # kernels, once in a program
     }
+    record.ended.notices[:0] = said  # a run that comes near something at once begins anew
     result = result_of(record, error, timing)
     record.leave()
     return result
