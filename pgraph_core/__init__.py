@@ -8,12 +8,10 @@ Each method of a model or a mechanism can also be called as a function. For exam
 """
 
 import inspect
-from copy import copy
 from functools import partial, wraps
 from importlib import import_module
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
-from weakref import finalize
 
 from . import hooks
 
@@ -204,10 +202,12 @@ def _of_method(name: str) -> Any:
     if not methods:
         return None
 
+    from .mechanism import mechanism_of
+
     @wraps(methods[0])
     def call(model: Any, /, *args: Any, **named: Any) -> Any:
         own = type(model) is kinds[0] and hasattr(kinds[0], name)
-        return getattr(model if own else _mechanism(model, name), name)(*args, **named)
+        return getattr(model if own else mechanism_of(model, name), name)(*args, **named)
 
     return call
 
@@ -229,23 +229,6 @@ def _of_shape(name: str) -> Any:
         return __getattr__("Shape")(kind, **dict(zip(names, size, strict=False)), **fields)
 
     return shape
-
-
-_MADE: dict[int, Any] = {}  # by the identity of a model, while it lives
-
-
-def _mechanism(model: Any, call: str) -> Any:
-    """Return the mechanism of a model, the same in each call with this model."""
-    if made := _MADE.get(id(model)):
-        return made
-    from .mechanism import Mechanism, mechanism_of
-
-    if isinstance(model, Mechanism):
-        return model
-    made = mechanism_of(copy(model), call)  # a copy, so that the model itself can be deleted
-    _MADE[id(model)] = made
-    finalize(model, _MADE.pop, id(model), None)
-    return made
 
 
 def _elsewhere() -> dict[str, str]:
@@ -274,7 +257,11 @@ def _bound(owner: Any, name: str) -> Any:
         first = next(iter(inspect.signature(ours).parameters.values()))
         if any(each.__name__ in str(first.annotation) for each in type(owner).__mro__):
             return partial(ours, owner)
-    return getattr(_mechanism(owner, name), name, None) if kind == "Model" else None
+    if kind != "Model":
+        return None
+    from .mechanism import mechanism_of
+
+    return getattr(mechanism_of(owner, name), name, None)
 
 
 def _taken(name: str, given: Any = ()) -> str:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, wraps
+from threading import Lock
 from typing import TYPE_CHECKING, Any, cast
 from warnings import warn
+from weakref import ref
 
 import numpy as np
 
@@ -23,6 +26,8 @@ if TYPE_CHECKING:
     from .analysis.activations import Activations
     from .analysis.linear import Linearisation
 
+OF_MODEL = "_mechanism"  # among the attributes of a model
+MOST_KEPT = 8  # models that keep their mechanism
 OF_TOPOLOGY = {"adjacency", "parent", "separation_bodies", "tips"}  # names that it has too
 
 
@@ -471,12 +476,35 @@ class Mechanism(Dynamics):
     center_of_mass = Dynamics.centre_of_mass
 
 
+class _Kept:
+    """The mechanism of a model among its attributes, which copies of the model do not have."""
+
+    mechanism: Mechanism | None = None
+
+    def __reduce__(self) -> Any:
+        return _Kept, ()
+
+
+_KEEPING = Lock()  # threads share models
+_LAST = deque[ref[_Kept]]()
+
+
 def mechanism_of(value: Any, where: str) -> Mechanism:
-    """Return the mechanism of a Mechanism or a Model. Raises InputError for other types."""
+    """Return the mechanism of a Mechanism or a Model. Raises InputError for other types.
+
+    The last models keep theirs, with the plans and the room for frames that short runs share.
+    """
     if isinstance(value, Mechanism):
         return value
     if isinstance(value, Model):
-        return Mechanism(value)
+        kept = vars(value).setdefault(OF_MODEL, _Kept())
+        with _KEEPING:
+            if kept.mechanism is None:
+                kept.mechanism = Mechanism(value)
+                _LAST.append(ref(kept))
+                if len(_LAST) > MOST_KEPT and (old := _LAST.popleft()()) is not None:
+                    old.mechanism = None
+            return kept.mechanism
     raise wrong_type(where, "mechanism", "a pg.Mechanism or a pg.Model", value)
 
 

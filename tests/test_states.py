@@ -1,6 +1,8 @@
 """Methods of a state: their forms, many states at once, and inverse kinematics."""
 
+import copy
 import gc
+import pickle
 import weakref
 from typing import Any
 
@@ -172,6 +174,33 @@ def test_a_pose_is_its_homogeneous_matrix_and_its_two_parts():
         np.testing.assert_array_equal(getattr(pose, theirs), ours)
     with pytest.raises(AttributeError, match="quaternion"):
         pose.quaternions  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_runs_of_a_model_share_its_mechanism():
+    """A loop of short runs of a model builds and plans once, and gives the bits of a new one."""
+    model = pg.Model.serial(3)
+    options = {"t_end": 0.02, "step": 1e-3, "method": "rk4"}
+    runs = [pg.simulate(model, [0.1, 0.2, angle], **options) for angle in (0.3, 0.4, 0.3)]
+    assert runs[0].mechanism is runs[1].mechanism is pg.Stepper(model).mech
+    assert runs[0].mechanism.model is model
+    new = pg.simulate(pg.Mechanism(model), [0.1, 0.2, 0.3], **options)
+    for run in (runs[0], runs[2]):
+        assert run.q.tobytes() == new.q.tobytes()
+        assert run.error_at.tobytes() == new.error_at.tobytes()
+    assert pg.simulate(model.edit("2", mass=2.0), **options).mechanism is not runs[0].mechanism
+    for other in (copy.copy(model), copy.deepcopy(model), pickle.loads(pickle.dumps(model))):
+        assert pg.simulate(other, **options).mechanism is not runs[0].mechanism
+        assert other == model
+
+
+def test_only_the_last_models_keep_their_mechanisms():
+    """Those of a long history of edits, or of a sweep that keeps its models, would fill memory."""
+    models = [pg.Model.serial(2).edit("1", mass=1.0 + k) for k in range(20)]
+    made = [weakref.ref(pg.simulate(model, t_end=1e-3, frames=2).mechanism) for model in models]
+    gc.collect()
+    alive = [mech() is not None for mech in made]
+    assert not any(alive[:10])
+    assert alive[-1]
 
 
 def test_functions_of_a_model_keep_no_model_alive():

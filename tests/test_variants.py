@@ -326,6 +326,7 @@ def test_runs_that_are_dropped_leave_their_memory(name):
         for k in range(count):
             model = MECH.model.edit("1", mass=1.0 + 0.01 * k)
             pg.simulate(model, t_end=0.02, frames=501, estimate=False, **OPTIONS[name])
+        del model  # with the room for frames that it keeps for its next run
         gc.collect()
         return tracemalloc.get_traced_memory()[0]
 

@@ -181,12 +181,14 @@ def test_a_reset_leaves_nothing_of_the_steps_before(name):
 def test_a_reset_makes_no_tables_anew():
     """The work of a reset is that of copying back, which learning meets at each episode."""
     stepper = pg.Stepper(built_in("quadruped_hips"), step=1e-3, method="rk4")
-    place = stepper.recording.scene, stepper.recording.steps
-    stepper.step(n=10)
-    stepper.reset()
-    assert (stepper.recording.scene, stepper.recording.steps) == place
-    stepper.reset(stepper.q + 1e-3 * np.arange(stepper.q.size), stepper.v)
-    assert (stepper.recording.scene, stepper.recording.steps) == place
+    q, v = stepper.q.copy(), stepper.v.copy()
+    for states in ([(), ()], [(q, v), (q + 1e-3 * np.arange(q.size), v), (q, -v)]):
+        stepper.reset(*states[0])
+        place = stepper.recording.scene, stepper.recording.steps
+        for state in states[1:]:
+            stepper.step(n=10)
+            stepper.reset(*state)
+            assert (stepper.recording.scene, stepper.recording.steps) == place
 
 
 def test_reset_starts_again():
