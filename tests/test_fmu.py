@@ -144,7 +144,54 @@ def test_the_state_is_copied_and_serialised(tmp_path):
     np.testing.assert_array_equal(other.getFloat64(every), want)
 
 
-def test_instances_in_threads_have_the_same_bits(tmp_path):
+@pytest.mark.nightly
+def test_no_state_is_lost_at_a_thousand_times(tmp_path):
+    path, rng = tmp_path / "m.fmu", np.random.default_rng(7)
+    pg.write_fmu(load("quadruped_hips"), path, scenario="trot", platforms=HERE)
+    fmu, number = opened(path)
+    other, _ = opened(path)
+    every, t = [*number.values()], 0.0
+    fmu.enterInitializationMode()
+    fmu.exitInitializationMode()
+    for _ in range(1000):
+        kept, ahead = fmu.getFMUState(), float(rng.uniform(1e-4, 3e-3))
+        fmu.doStep(t, ahead)
+        want = fmu.getFloat64(every)
+        copy = other.deserializeFMUState(fmu.serializeFMUState(kept))
+        other.setFMUState(copy)
+        fmu.setFMUState(kept)
+        for one in (fmu, other):
+            one.doStep(t, ahead)
+            np.testing.assert_array_equal(one.getFloat64(every), want)
+        fmu.freeFMUState(kept)
+        other.freeFMUState(copy)
+        t += ahead
+
+
+@pytest.mark.nightly
+def test_ten_thousand_instances_leave_no_memory(tmp_path):
+    path = tmp_path / "m.fmu"
+    pg.write_fmu(load("double_pendulum"), path, platforms=HERE)
+    fmu, _ = opened(path)
+    fmu.fmi3FreeInstance(fmu.component)
+    before = 0
+    for k in range(11_000):
+        fmu.instantiate()
+        fmu.enterInitializationMode()
+        fmu.exitInitializationMode()
+        fmu.fmi3FreeInstance(fmu.component)
+        if k == 1000:  # after what Python keeps
+            before = _resident()
+    assert _resident() - before < 1_000_000
+
+
+def _resident():
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+@pytest.mark.parametrize("count", [8, *at_night(100)])
+def test_instances_in_threads_have_the_same_bits(count, tmp_path):
     path = tmp_path / "m.fmu"
     pg.write_fmu(load("falling_rod"), path, platforms=HERE)
 
@@ -159,7 +206,7 @@ def test_instances_in_threads_have_the_same_bits(tmp_path):
         return found
 
     with ThreadPoolExecutor(4) as pool:
-        found = [*pool.map(ran, range(8))]
+        found = [*pool.map(ran, range(count))]
     assert all(one == found[0] for one in found)
 
 

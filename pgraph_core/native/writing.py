@@ -183,6 +183,8 @@ def write_c(
     files |= {"pgraph.h": (SOURCES / "pgraph.h").read_bytes(), "model.bin": exported.content()}
     for name in _platforms(platforms, report):
         files[f"{name}/{PLATFORMS[name].file}"] = library(name)
+        if PLATFORMS[name].file.endswith(".dll"):
+            files[f"{name}/pgraph.def"] = _exports(files["pgraph.h"].decode())
     for name, content in files.items():
         path = folder / name
         try:
@@ -268,6 +270,12 @@ def _platforms(platforms: Sequence[str] | None, report: Report) -> list[str]:
     for name in given:
         library(name)
     return given
+
+
+def _exports(header: str) -> bytes:
+    """Return the module definition of a DLL, from which Visual Studio makes its import library."""
+    names = re.findall(r"^PGRAPH_API .*?(pgraph_\w+)\(", header, re.M)
+    return "\n".join(["LIBRARY pgraph.dll", "EXPORTS", *(f"  {x}" for x in names), ""]).encode()
 
 
 def _identifier(path: Path) -> str:

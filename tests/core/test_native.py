@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core.native import library
-from pgraph_core.native.image import READ, Exported, Wanted
+from pgraph_core.native.image import READ, STATE, Exported, Wanted
 from tests.native_runs import Instance, has_library, instance
 from tests.nights import at_night
 
@@ -284,6 +285,16 @@ def test_joint_friction_begins_as_in_a_run():
     np.testing.assert_array_equal(found.state, want)
 
 
+def test_a_folder_names_the_functions_of_its_dll(tmp_path):
+    """Visual Studio makes its import library from them."""
+    pg.write_c(pg.Model.serial(1), tmp_path, platforms=["x86_64-windows"])
+    head, _, *names = (tmp_path / "x86_64-windows" / "pgraph.def").read_text().split("\n")[:-1]
+    content = (tmp_path / "x86_64-windows" / "pgraph.dll").read_bytes()
+    assert head == "LIBRARY pgraph.dll"
+    assert len(names) == (tmp_path / "pgraph.h").read_text().count("\nPGRAPH_API ")
+    assert [name for name in names if name.strip().encode() + b"\0" not in content] == []
+
+
 def test_names_that_coincide_are_told_apart_or_refused(tmp_path):
     model = arm().add(pg.Output(name="hand", kind="joint_position", at="hand"))
     names = [one.name for one in Exported(model, Wanted()).variables]
@@ -316,9 +327,9 @@ def test_the_examples_of_a_folder_run(tmp_path):
     assert again.stdout == done.stdout
 
 
-@pytest.mark.nightly
-def test_the_c_files_pass_the_sanitizers(tmp_path):
-    """Addresses and undefined behaviour, over contacts, loops, controls and saved states."""
+def sanitized(folder, *sources):
+    """Compile a program with the library, which reports wrong addresses, leaks and undefined
+    behaviour."""
     import shutil
 
     from pgraph_core.native import __main__ as build
@@ -326,15 +337,42 @@ def test_the_c_files_pass_the_sanitizers(tmp_path):
     if (compiler := shutil.which("gcc")) is None or library.here() != "x86_64-linux":
         pytest.skip("gcc is not installed")
     code = build.object_of(build.bitcode(), library.PLATFORMS["x86_64-linux"])
-    (tmp_path / "kernels.o").write_bytes(code)
+    (folder / "kernels.o").write_bytes(code)
     digest = f'const char kernels_digest[] = "{library.kernels_digest()}";'
     text = f"extern const char kernels_digest[];\n{digest}\n"
-    (tmp_path / "digest.c").write_text(text)
-    sources = [*map(str, library.SOURCES.glob("*.c")), str(library.HERE / "examples" / "example.c")]
-    call = [compiler, "-std=c2x", "-g", "-O1", "-fsanitize=address,undefined", "-Wall", "-Wextra",
-            "-fno-sanitize-recover=all", f"-I{library.SOURCES}", *sources, "digest.c", "kernels.o",
-            "-o", "run", "-lm"]  # fmt: skip
-    subprocess.run(call, cwd=tmp_path, check=True)
+    (folder / "digest.c").write_text(text)
+    all_ = [*map(str, library.SOURCES.glob("*.c")), *map(str, sources)]
+    call = [compiler, "-std=c2x", "-include", "stdbool.h", "-g", "-O1", "-Wall", "-Wextra",
+            "-fsanitize=address,undefined", "-fno-sanitize-recover=all", f"-I{library.SOURCES}",
+            *all_, "digest.c", "kernels.o", "-o", "run", "-lm"]  # fmt: skip
+    subprocess.run(call, cwd=folder, check=True)
+
+
+@pytest.mark.nightly
+def test_the_functions_of_fmi_pass_the_sanitizers(tmp_path):
+    """Both kinds of FMI 3 from the first call to the last: states, derivatives, events, reset."""
+    sanitized(tmp_path, Path(__file__).with_name("fmi_driver.c"))
+    for name, scenario in (
+        ("double_pendulum", None),
+        ("quadruped_hips", "trot"),
+        ("four_bar", "turn"),
+    ):
+        exported = Exported(load(name), Wanted(scenario=scenario, rates=scenario is None))
+        content = exported.content()
+        (tmp_path / "model.bin").write_bytes(content)
+        token = f"{int.from_bytes(content[-8:], 'little'):016x}"
+        numbers = [k for k, one in enumerate(exported.variables) if one.kind == STATE]
+        call = ["./run", token, str(numbers[0]), str(numbers[-1]), str(len(numbers))]
+        done = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True)
+        assert (done.returncode, done.stderr) == (0, "")
+        # a wrong token, and in each of two rounds a state that is cut
+        assert ["belongs to" in line for line in done.stdout.splitlines()] == [True, False, False]
+
+
+@pytest.mark.nightly
+def test_the_c_files_pass_the_sanitizers(tmp_path):
+    """Contacts, loops, controls and saved states, and a file that is cut."""
+    sanitized(tmp_path, library.HERE / "examples" / "example.c")
     for name, scenario in (("four_bar", "turn"), ("quadruped_hips", "trot"), ("heavy_top", None),
                            ("quadruped_muscles", "step")):  # fmt: skip
         content = Exported(load(name), Wanted(scenario=scenario)).content()
