@@ -121,6 +121,12 @@
   ];
   const runs = () => Boolean(pgraph.latest.run?.summary);
   const items = () => [
+    [
+      "Copy picture",
+      "",
+      () => pgraph.copyPicture(),
+      { className: "copy-picture", about: "The view, the curves and the seal, to paste elsewhere" },
+    ],
     ...(runs()
       ? FILES.flatMap(([group, what, label, about], i) => [
           ...(group === FILES[i - 1]?.[0] ? [] : [group]),
