@@ -1,6 +1,7 @@
 """FMUs of other programs act as controllers, at their samples and forward in time alone."""
 
 import math
+import pickle
 import re
 import zipfile
 from contextlib import contextmanager
@@ -45,10 +46,11 @@ def filter_():
     return pg.Model(bodies=[mass], forces=[spring], gravity=(0, 0, 0))
 
 
-@pytest.fixture(params=[2, 3])
-def path(request, tmp_path):
+@pytest.fixture(params=[2, 3], scope="module")
+def path(request, tmp_path_factory):
     """Return the FMU of the filter, whose variables have no units."""
-    whole, bare = tmp_path / "whole.fmu", tmp_path / "filter.fmu"
+    folder = tmp_path_factory.mktemp("fmu")
+    whole, bare = folder / "whole.fmu", folder / "filter.fmu"
     pg.write_fmu(filter_(), whole, version=request.param, platforms=HERE)
     with zipfile.ZipFile(whole) as old, zipfile.ZipFile(bare, "w") as new:
         for name in old.namelist():
@@ -94,6 +96,16 @@ def test_a_run_that_goes_on_keeps_the_state_of_the_fmu(path):
     first = pg.simulate(plant(), t_end=0.15, **how)
     second = pg.simulate(plant(), start=first, t_end=0.3, **how)
     np.testing.assert_allclose([*second.q[-1], *second.v[-1]], by_hand(30), rtol=1e-9)
+
+
+def test_copies_and_sweeps_in_other_processes_start_it_anew(path):
+    controller = pg.read_fmu(path, plant(), inputs={"u": "pole"}, outputs={"y": "cart"})
+    controller.step(0.0)
+    controller.step(0.1)
+    again = pickle.loads(pickle.dumps(controller))
+    how = {"sample": SAMPLE, "t_end": 0.1, "method": "rk4", "step": 1e-3}
+    want = pg.simulate(plant(), tau=controller, **how)
+    np.testing.assert_array_equal(pg.simulate(plant(), tau=again, **how).q, want.q)
 
 
 def test_outputs_of_the_model_are_measured(path):

@@ -19,7 +19,6 @@ from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..model.output import OF_CONTACT, OF_LOAD
 from ..packing import Array
-from ..portable import Unportable
 from ..result.columns import coordinates
 from ..tolerances import ROUNDING
 from .description import BASE, exponents
@@ -42,7 +41,7 @@ class Linked(NamedTuple):
     offset: float
 
 
-class Fmu(Unportable):
+class Fmu:
     """An FMU for co-simulation, made by `read_fmu`, as a controller with a state of its own.
 
     It is a torque function for `simulate` with `sample`, and can be called in a loop of a
@@ -53,7 +52,7 @@ class Fmu(Unportable):
     def __init__(self, path: Path, start: Mapping[str, Any]):
         """Load an FMU without starting it. Raises FileError and InputError."""
         self._fmpy = needed("fmpy", "fmi")
-        self.name, self._start = path.name, dict(start)
+        self.name, self._path, self._start = path.name, path, dict(start)
         self._folder = tempfile.mkdtemp(prefix="pgraph-fmu-")
         self._remove = weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
         self.t: float | None = None  # time that it has reached [s], None before the start
@@ -170,6 +169,12 @@ class Fmu(Unportable):
         if base is None:
             return None
         return {name: n for name in BASE if (n := getattr(base, name)) and name != "rad"}
+
+    def __reduce__(self) -> Any:
+        """Copies and other processes read the file again, and start at their first call."""
+        bound = self._bound
+        given = (None, {}, {}) if bound is None else bound.given
+        return _again, (self._path, *given, self._start)
 
     # -- running -----------------------------------------------------------------------------------
 
@@ -310,6 +315,11 @@ class Bound:
     def __init__(self, fmu: Fmu, mech: Mechanism, inputs: Any, outputs: Any):
         """Check the connections. Raises InputError."""
         self.fmu, self.mech = fmu, mech
+        self.given = (
+            mech.model,
+            dict(_mapping(inputs, "inputs")),
+            dict(_mapping(outputs, "outputs")),
+        )
         self.sensors = Sensors(mech.packed, mech.model)
         positions, speeds = coordinates(mech)
         self.sources: dict[str, tuple[str, Any]] = {}  # name: (unit, where it is read)
@@ -408,6 +418,10 @@ def _can_start(variable: Any) -> bool:
 
 def _text(given: Any) -> str:
     return given.decode("utf-8", "replace") if isinstance(given, bytes) else str(given)
+
+
+def _again(path: Path, model: Any, inputs: Any, outputs: Any, start: Any) -> Fmu:
+    return read_fmu(path, model, inputs=inputs, outputs=outputs, start=start)
 
 
 def _freed(fmu: Any) -> None:

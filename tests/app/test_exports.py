@@ -6,6 +6,7 @@ import json
 import re
 import zipfile
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -81,6 +82,19 @@ def test_an_fmu_has_the_model_of_the_run_or_says_why_there_is_none(run, tmp_path
     result = pg.simulate(model, tau=lambda t, q, v: np.array([np.sin(t)]), t_end=0.1)
     with pytest.raises(pg.InputError, match="Python"):
         view.unit(Run(model, Request(), result))
+
+
+def test_the_page_lists_what_an_fmu_contains(run):
+    sent, files = [], []
+    bridge = SimpleNamespace(
+        server=SimpleNamespace(get_clients=lambda: {1: object()}),
+        send=lambda client, name, data: sent.append((name, data)),
+        download=lambda client, name, content: files.append(name),
+    )
+    view.ExportView(bridge)._send(Exporting(1, "fmu", run))
+    (report,) = (data for name, data in sent if name == "conversion")
+    assert any("output" in entry["text"] for entry in report["entries"])
+    assert [name.endswith(".fmu") for name in files] == [True]
 
 
 def test_a_living_figure_of_torques_in_python_is_the_recording():
