@@ -117,6 +117,36 @@ def test_outputs_of_the_model_are_measured(path):
         assert got[0] == pytest.approx(by_name.step(0.1 * k, {"u": z})["y"], rel=1e-12)
 
 
+def test_numbers_are_in_si_units_whatever_the_fmu_declares(tmp_path):
+    """A copy whose unit of length is a millimetre and whose angles are degrees."""
+    whole, other = tmp_path / "m.fmu", tmp_path / "copy" / "m.fmu"
+    other.parent.mkdir()
+    pg.write_fmu(filter_(), whole, platforms=HERE)
+    with zipfile.ZipFile(whole) as old, zipfile.ZipFile(other, "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "modelDescription.xml":
+                content = content.replace(
+                    b'<BaseUnit m="1" />', b'<BaseUnit m="1" factor="1e-3" />'
+                )
+            new.writestr(name, content)
+    metres, millimetres = pg.read_fmu(whole), pg.read_fmu(other)
+    for t, u in ((0.0, 2.0), (0.1, 3.0), (0.3, 0.0)):
+        want = metres.step(t, {"u": 1e3 * u})["y"]
+        assert millimetres.step(t, {"u": u})["y"] == pytest.approx(1e-3 * want, rel=1e-12)
+
+
+def test_an_fmu_says_why_it_fails_and_can_start_again(path):
+    with refused("u", "finite"):
+        pg.read_fmu(path, start={"y": 0.1}).step(0.0, {"u": math.nan})
+    limited = pg.read_fmu(path)
+    limited.step(0.0)
+    with refused("doStep", "asked for at t = 5 s"):  # in the words of the FMU
+        limited._guarded("doStep", limited._fmu.doStep, 5.0, 0.1)
+    limited.restart()
+    assert limited.step(0.3)["y"] == 0.0
+
+
 def test_time_goes_forward_alone_and_estimates_are_refused(path):
     controller = pg.read_fmu(path, plant(), inputs={"u": "pole"}, outputs={"y": "cart"})
     controller.step(0.0)

@@ -54,19 +54,21 @@ class Fmu:
         self._fmpy = needed("fmpy", "fmi")
         self.name, self._path, self._start = path.name, path, dict(start)
         self._folder = tempfile.mkdtemp(prefix="pgraph-fmu-")
-        self._remove = weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
         self.t: float | None = None  # time that it has reached [s], None before the start
         self._log: list[str] = []
-        described = self._described(path)
+        self._description = described = self._described(path)
+        self._third = described.fmiVersion.startswith("3")
         self._variables = {v.name: v for v in described.modelVariables}
         self.inputs = self._named("input")  # names of variables that can be connected
         self.outputs = self._named("output")
         self._units = {unit.name: unit.baseUnit for unit in described.unitDefinitions}
         self._fixed = not described.coSimulation.canHandleVariableCommunicationStepSize
         self._width: float | None = None  # of its first step [s]
+        self._begun = False
         self._check_start()
         self._read = [self._linked(name, "outputs") for name in self.outputs]
-        self._fmu, self._free = self._instantiated(described), None
+        self._fmu = self._instantiated(described)
         self._bound: Bound | None = None
 
     # -- loading -----------------------------------------------------------------------------------
@@ -100,7 +102,6 @@ class Fmu:
         from fmpy.fmi2 import FMU2Slave
         from fmpy.fmi3 import FMU3Slave
 
-        self._third = described.fmiVersion.startswith("3")
         kind = FMU3Slave if self._third else FMU2Slave
         try:
             made = kind(
@@ -111,27 +112,28 @@ class Fmu:
         except Exception as error:
             text = f"cannot be started on this platform, {self._fmpy.platform_tuple}: {error}"
             raise InputError(Problem(self.name, "", text + self._messages())) from None
-        self._free = weakref.finalize(self, _freed, made)
+        weakref.finalize(self, _freed, made)
         return made
 
     def _logging(self) -> dict[str, Any]:
         """Return the arguments by which messages of the FMU are kept for errors."""
         kept = self._log
-        if self._third:
-            return {
-                "loggingOn": True,
-                "logMessage": lambda _, how, what, text: kept.append(_text(text)),
-            }
-        from fmpy import fmi2
 
-        called = fmi2.fmi2CallbackFunctions()
-        usual = fmi2.defaultCallbacks
+        def note(*told: Any) -> None:  # the text comes last
+            kept.append(told[-1].decode("utf-8", "replace"))
+
+        if self._third:
+            return {"loggingOn": True, "logMessage": note}
+        from ctypes import byref
+
+        from fmpy import fmi2
+        from fmpy.logging import addLoggerProxy
+
+        called, usual = fmi2.fmi2CallbackFunctions(), fmi2.defaultCallbacks
         called.allocateMemory, called.freeMemory = usual.allocateMemory, usual.freeMemory
-        self._logger = fmi2.fmi2CallbackLoggerTYPE(
-            lambda _, name, how, what, text: kept.append(_text(text))
-        )
-        called.logger = self._logger
-        return {"callbacks": called}
+        called.logger = fmi2.fmi2CallbackLoggerTYPE(note)
+        addLoggerProxy(byref(called))  # which fills in what a format names
+        return {"loggingOn": True, "callbacks": called}
 
     def _messages(self) -> str:
         """Return the last messages of the FMU, to complete a sentence."""
@@ -186,9 +188,9 @@ class Fmu:
             stepper.reset()
             controller.restart()
         """
-        if self.t is not None:
+        if self._begun:
             self._guarded("reset", self._fmu.reset)
-        self.t = self._width = None
+        self.t, self._width, self._begun = None, None, False
 
     def step(self, t: float, inputs: Mapping[str, float] | None = None) -> dict[str, float]:
         """Go on to t with the inputs held that were given last, and take new ones.
@@ -256,8 +258,8 @@ class Fmu:
     def _begin(self, t: float, linked: list[tuple[Linked, float]]) -> None:
         from fmpy.simulation import apply_start_values
 
-        fmu, described = self._fmu, _Variables([*self._variables.values()], [], self._third)
-        self._guarded("start", apply_start_values, fmu, described, self._start)
+        fmu, self._begun = self._fmu, True
+        self._guarded("start", apply_start_values, fmu, self._description, self._start)
         if self._third:
             self._guarded("start", fmu.enterInitializationMode, startTime=t)
         else:
@@ -290,24 +292,6 @@ class Fmu:
             raise InputError(Problem(self.name, "", text))
         return self._bound.torques(t, q, v)
 
-    def connect(
-        self, mech: Mechanism, inputs: Mapping[str, Any], outputs: Mapping[str, Any]
-    ) -> None:
-        """Connect variables of the FMU with a model. Raises InputError."""
-        self._bound = Bound(self, mech, inputs, outputs)
-
-
-class _Variables(NamedTuple):
-    """What fmpy reads of a description to set start values."""
-
-    modelVariables: list[Any]
-    unitDefinitions: list[Any]
-    third: bool
-
-    @property
-    def fmiVersion(self) -> str:
-        return "3.0" if self.third else "2.0"
-
 
 class Bound:
     """The connections of an FMU with a model."""
@@ -315,11 +299,8 @@ class Bound:
     def __init__(self, fmu: Fmu, mech: Mechanism, inputs: Any, outputs: Any):
         """Check the connections. Raises InputError."""
         self.fmu, self.mech = fmu, mech
-        self.given = (
-            mech.model,
-            dict(_mapping(inputs, "inputs")),
-            dict(_mapping(outputs, "outputs")),
-        )
+        from_, to = _mapping(inputs, "inputs"), _mapping(outputs, "outputs")
+        self.given = mech.model, dict(from_), dict(to)
         self.sensors = Sensors(mech.packed, mech.model)
         positions, speeds = coordinates(mech)
         self.sources: dict[str, tuple[str, Any]] = {}  # name: (unit, where it is read)
@@ -328,18 +309,14 @@ class Bound:
                 self.sources[prefix + name] = unit + per, (kind, i)
         self._add_outputs()
         self.targets = {name: (TORQUES.get(unit, ""), i) for i, (name, unit) in enumerate(speeds)}
-        self.inputs = [
-            (name, self._source(name, source)) for name, source in _mapping(inputs, "inputs")
-        ]
-        self.outputs = [
-            (name, self._target(name, target)) for name, target in _mapping(outputs, "outputs")
-        ]
+        self.inputs = [(name, self._source(name, source)) for name, source in from_]
+        self.outputs = [(name, self._target(name, target)) for name, target in to]
         if not self.outputs:
-            text = "must connect at least one output of the FMU to a joint, as in "
-            text += "{'torque': 'knee'}"
-            raise InputError(
-                Problem("read_fmu", "outputs", f"{text}; it has {choices(fmu.outputs)}")
+            text = (
+                "must connect at least one output of the FMU to a joint, as in {'torque': 'knee'}; "
             )
+            text += f"it has {choices(fmu.outputs)}"
+            raise InputError(Problem("read_fmu", "outputs", text))
 
     def _add_outputs(self) -> None:
         for (_, column, _), o in zip(self.sensors._spans, self.mech.model.outputs):
@@ -401,9 +378,7 @@ class Bound:
 
 def _mapping(given: Any, field: str) -> list[tuple[str, Any]]:
     if not isinstance(given, Mapping):
-        text = (
-            f"must be names of the FMU with names of the model, {{'u': 'knee'}}, got {shown(given)}"
-        )
+        text = f"must be names of the FMU and of the model, {{'u': 'knee'}}, got {shown(given)}"
         raise InputError(Problem("read_fmu", field, text))
     return [*given.items()]
 
@@ -414,10 +389,6 @@ def _can_start(variable: Any) -> bool:
         return False
     given = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
     return given and variable.start is not None
-
-
-def _text(given: Any) -> str:
-    return given.decode("utf-8", "replace") if isinstance(given, bytes) else str(given)
 
 
 def _again(path: Path, model: Any, inputs: Any, outputs: Any, start: Any) -> Fmu:
@@ -486,7 +457,7 @@ def read_fmu(
     """
     found = Fmu(Path(path), start or {})
     if model is not None:
-        found.connect(mechanism_of(model, "read_fmu"), inputs or {}, outputs or {})
+        found._bound = Bound(found, mechanism_of(model, "read_fmu"), inputs or {}, outputs or {})
     elif inputs or outputs:
         text = "must be given with inputs and outputs, whose names it has"
         raise InputError(Problem("read_fmu", "model", text))
