@@ -20,7 +20,9 @@ def test_a_picture_of_the_view_and_the_curves_is_copied(page, served):
     assert size[0] == 0
     assert size[1] > 30  # with a caption below the view
     page.context.clear_permissions()
-    page.evaluate("{ navigator.clipboard.write = () => Promise.reject(new Error('closed')); }")
+    page.evaluate(
+        "() => { navigator.clipboard.write = () => Promise.reject(new Error('closed')); }"
+    )
     with page.expect_download() as saved:
         page.evaluate("pgraph.copyPicture()")
     assert saved.value.suggested_filename == "leg.png"
