@@ -36,6 +36,7 @@ from . import (
     cables,
     cams,
     curves,
+    imperfect_cells,
     optional,
     own_fields,
     places,
@@ -260,6 +261,8 @@ def _typed(
             return {**data, "curve": relations.rekinded(item.curve, text)}
         case _ if field.startswith("track_") and isinstance(item, pg.CurvePoint):
             return {**data, "curve": track_cells.changed(item.curve, field, text, display)}
+        case _ if field.startswith(imperfect_cells.PREFIX):
+            return {**data, "imperfect": imperfect_cells.changed(item.imperfect, field, text)}
         case "curve" if isinstance(item, pg.Relation):
             return {**data, "curve": relations.curve_of(model, item, text, display)}
         case "curve":
@@ -367,7 +370,7 @@ def rekinded(model: pg.Model, part: Part, item: Item, kind: str) -> dict[str, An
     if kind == kind_of(part, item):
         return model.cells(item, part)
     if part == "outputs":
-        return {"name": item.name, "kind": kind, "at": item.at}
+        return {"name": item.name, "kind": kind, "at": item.at, "imperfect": item.imperfect}
     if part == "controls":
         cells, names = model.cells(item, part), pg.Control.KINDS[kind].model_fields
         kept = {k: x for k, x in cells.items() if k in names and x is not None}

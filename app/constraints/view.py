@@ -40,6 +40,7 @@ from . import (
     cables,
     cams,
     curves,
+    imperfect_cells,
     of_path,
     optional,
     own_fields,
@@ -278,6 +279,7 @@ def form(state: State, display: Display, part: Part, item: Any) -> list[Payload]
         group("", found),
         *([group("More", more, False)] if more else []),
         *([path_rows.grouped(item, path)] if path else []),
+        *([imperfect_cells.grouped(item)] if isinstance(item, pg.Output) else []),
         *(
             arms.grouped(state.model, item, state.derived.size, display)
             if isinstance(item, BetweenPoints)

@@ -149,6 +149,25 @@ def test_every_cell_of_a_part_takes_or_refuses_a_text(part, kind):
     assert "\n".join(typed(state, ask, again(state), again)) == ""
 
 
+def test_every_cell_of_the_imperfections_of_a_sensor_takes_or_refuses_a_text():
+    noisy = pg.Imperfect(sample=0.01, density=1e-3)
+    gyro = pg.Output(name="gyro", kind="gyro", at="2", imperfect=noisy)
+    state = begun(scene().add(gyro))
+
+    def again(now: Any) -> list[Any]:
+        groups = form(now, Display(), "outputs", now.model.outputs[0])
+        return fields_of([g for g in groups if g["title"] == "Imperfections"])
+
+    assert len(again(state)) == len(pg.Imperfect.model_fields)
+    ask = {"event": "EditPart", "part": "outputs", "name": "gyro"}
+    assert "\n".join(typed(state, ask, again(state), again)) == ""
+    typing = said("EditPart", 1, part="outputs", name="gyro", field="imperfect_sample",
+                  entries=[[[], ""]])  # fmt: skip
+    exact = after(state, typing)
+    assert exact.model.outputs[0].imperfect is None
+    assert [f["field"] for f in again(exact)] == ["imperfect_sample"]
+
+
 def test_every_cell_of_the_world_takes_or_refuses_a_text():
     state = begun(scene())
 
