@@ -125,9 +125,17 @@ def limit(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
 
 
 def reading(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
-    """Return the readings of an output."""
+    """Return the readings of an output, then the last samples of an imperfect one."""
     found = run.mechanism.model.part(name, kind="output")
-    return found.reading.parts, run.outputs[name].reshape(len(run.t), -1)
+    parts, exact = found.reading.parts, run.outputs[name].reshape(len(run.t), -1)
+    if found.imperfect is None:
+        return parts, exact
+    samples = run.measured[name]
+    last = np.searchsorted(samples.t, run.t, side="right") - 1
+    measured = samples.value.reshape(len(samples.t), -1)[np.maximum(last, 0)]
+    measured[last < 0] = np.nan  # no sample was taken yet
+    both = np.concatenate((exact, measured), axis=1)
+    return (*parts, *(f"{part} measured".strip() for part in parts)), both
 
 
 def state_of(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:

@@ -416,3 +416,14 @@ def test_states_of_muscles_and_controls_are_plotted():
     assert [s.of for s in of_muscles.signals] == ["activation.flexor", "flexor"]
     both = data.Signal("state", data.MANY.join(("activation.flexor", "activation.flexor")))
     assert data.title(both) == "activation of 2 muscles"
+
+
+def test_the_samples_of_an_imperfect_sensor_are_drawn_beside_its_readings():
+    rough = pg.Imperfect(sample=0.1, quantum=0.05)
+    angle = pg.Output(name="angle", kind="joint_position", at="1", imperfect=rough)
+    run = pg.simulate(pg.Model.serial(1).add(angle), t_start=0.05, t_end=0.5, estimate=False)
+    true, measured = data.curves(run, data.Signal("output", "angle"))
+    assert (true.label, measured.label, measured.unit) == ("", "measured", "rad")
+    assert measured.t[0] == pytest.approx(0.1)  # before it, no sample was taken
+    np.testing.assert_allclose(np.divide(measured.y, 0.05) % 1.0 % 0.9999, 0.0, atol=1e-3)
+    assert len(set(measured.y)) <= 5
