@@ -309,6 +309,11 @@ def test_the_command_line_writes_an_fmu_and_names_what_does_not_apply(tmp_path, 
     assert main([*call, "--open", "bodies.coupler.mass", "--json"]) == 0
     assert "bodies.coupler.mass" in capsys.readouterr().out
     assert fmpy.read_model_description(path).fmiVersion == "2.0"
+    push = pg.Wrench(name="push", body="coupler", force=(1, 0, 0))
+    load("four_bar").add(push).save(tmp_path / "pushed.json")
+    call[1:2] = [str(tmp_path / "pushed.json")]
+    assert main([*call, "--input", "push"]) == 0
+    assert "'push.torque.z' is an input" in capsys.readouterr().out
     for more, part in ((["--live"], "--live"), (["--fps", "20"], "--fps")):
         assert main([*call, *more]) != 0
         assert part in capsys.readouterr().err

@@ -262,11 +262,11 @@ def size(text: str) -> tuple[int, int]:
 USUAL = {
     "what": "view", "columns": (), "at": None, "size": None, "view": "start", "dark": False,
     "fps": 30.0, "speed": 1.0, "fmi": 3, "kind": None, "platform": None, "method": None,
-    "step": None, "rtol": None,
+    "step": None, "rtol": None, "input": None,
 }  # fmt: skip
 TAKES = {  # the options that each kind of file accepts
     "page": (),
-    "FMU": ("fmi", "kind", "platform", "method", "step", "rtol"),
+    "FMU": ("fmi", "kind", "platform", "method", "step", "rtol", "input"),
     "film": ("size", "view", "dark", "fps", "speed"),
     "picture of the view": ("what", "at", "size", "view", "dark"),
     "picture of the digraph": ("what", "size"),
@@ -295,6 +295,9 @@ TAKES = {  # the options that each kind of file accepts
     takes("--fmi", type=int, choices=(2, 3), default=3, help="version of an FMU"),
     takes("--kind", action="append", choices=("cs", "me"),
           help="co-simulation or model exchange of an FMU; default: each that is possible"),
+    takes("--input", action="append", metavar="NAME",
+          help="of an FMU: a motor, servo, actuator or wrench; default: all but wrenches; may be "
+          "repeated"),
     takes("--platform", action="append", metavar="NAME",
           help="of an FMU, such as x86_64-linux; default: all; may be repeated"),
     takes("--method", help="of an FMU: rk4, semi_implicit_euler, dopri5, dop853 or moreau_jean"),
@@ -334,7 +337,8 @@ def _fmu(args: Namespace) -> Answer:
     scenario, others = first_scenario(model, args.scenario), {"step": args.step, "rtol": args.rtol}
     report = pg.write_fmu(
         model, args.output, version=args.fmi, kinds=args.kind, scenario=scenario,
-        parameters=args.open, platforms=args.platform, method=args.method or "auto", **others,
+        inputs=args.input, parameters=args.open, platforms=args.platform,
+        method=args.method or "auto", **others,
     )  # fmt: skip
     size = Path(args.output).stat().st_size
     data = {"model": model.name, "scenario": scenario, "output": args.output, "bytes": size}
