@@ -37,8 +37,8 @@ SIGNS = {  # first element and start of formats in XML and JSON
     "gltf": ("", rb'\{\s*"(asset|accessors|buffers|scenes?)"'),
 }
 FMU = (
-    "is an FMU, which is written but not read; give the model that it was made from: an FMU of "
-    "Pgraph contains it as resources/model.json"
+    "is an FMU, which is a program and no model; give the model that it was made from: an FMU of "
+    "Pgraph contains it as resources/model.json. As a controller, pg.read_fmu reads it"
 )
 ARCHIVE = FileKind("zip", "is an archive; unpack it, or open it by the page: pgraph FILE.zip")
 KINDS = (
