@@ -285,11 +285,30 @@ def _free(of_points: Array, columns: Columns, held: Array) -> list[str]:
     """
     rows = np.vstack((of_points, held))
     size = np.abs(rows).max(axis=0, initial=0.0)
-    left, values, _ = np.linalg.svd(rows / np.where(size > 0.0, size, 1.0), full_matrices=False)
-    felt = left[: len(of_points), values > NOTABLE * values.max(initial=0.0)]
-    unfelt = columns.wrenches - (columns.wrenches @ felt) @ felt.T  # by the part without an effect
+    rows /= np.where(size > 0.0, size, 1.0)
+    blocks = [(own, rows[np.ix_(own, columns_of)]) for own, columns_of in _apart(rows)]
+    parts = [(own, *np.linalg.svd(block, full_matrices=False)[:2]) for own, block in blocks]
+    largest = max((values.max(initial=0.0) for _, _, values in parts), default=0.0)
+    unfelt = columns.wrenches.copy()  # by the part without an effect
+    for own, left, values in parts:
+        mine = own < len(of_points)
+        felt, on = left[mine][:, values > NOTABLE * largest], own[mine]
+        unfelt[:, on] -= (unfelt[:, on] @ felt) @ felt.T
     change = np.abs(unfelt).reshape(len(columns.names), -1).max(axis=1, initial=0.0)
     return [name for name, x in zip(columns.names, change) if x > NOTABLE]
+
+
+def _apart(rows: Array) -> Iterator[tuple[Ints, Ints]]:
+    """Yield the rows and columns of each block of a matrix, which no entry joins to another."""
+    entries, n = rows != 0.0, rows.shape[1]
+    labels, before = np.arange(n), np.zeros(0)
+    of_rows = np.full(len(rows), n)
+    while not np.array_equal(labels, before):  # all columns of a block get its least number
+        before = labels
+        of_rows = np.where(entries, labels, n).min(axis=1, initial=n)
+        labels = np.minimum(labels, np.where(entries, of_rows[:, None], n).min(axis=0, initial=n))
+    for label in np.unique(of_rows[of_rows < n]):
+        yield np.flatnonzero(of_rows == label), np.flatnonzero(labels == label)
 
 
 def _way(J: Array, origin: Array, place: Array) -> Array:

@@ -184,3 +184,53 @@ def test_a_face_that_spins_on_a_plane_is_named(shape, spin, speed, told):
     for method in METHODS if located else METHODS[:1]:
         run = pg.simulate(model, t_end=0.1, step=1e-3, method=method)
         assert any("spins on a flat face" in text for text in run.notices) == told
+
+
+def test_loads_that_no_body_joins_are_searched_apart(monkeypatch):
+    """The work grows as the number of stacks: no decomposition has the rows of two of them."""
+
+    def largest(count):
+        floor = [pg.Contact(name="all", body="*", other="*"), pg.Contact(name="floor", body="*")]
+        bodies = [
+            pg.Body(name=f"{z}{k}", joint="free", shape=pg.Box((0.2, 0.2, 0.2)),
+                    q=(k, 0, z, 1, 0, 0, 0))
+            for k in range(count) for z in (0.1, 0.3)
+        ]  # fmt: skip
+        sizes, svd = list[int](), np.linalg.svd
+        with monkeypatch.context() as patch:
+            patch.setattr(
+                np.linalg, "svd", lambda x, *a, **n: sizes.append(x.size) or svd(x, *a, **n)
+            )
+            model = pg.Model(bodies=bodies, contacts=floor)
+            pg.simulate(model, t_end=0.05, step=1e-3, method="moreau_jean", frames=3)
+        return max(sizes)
+
+    assert largest(6) == largest(1) > 100
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_blocks_that_are_searched_apart_give_what_the_whole_gives(seed):
+    """The part of the total forces without an effect, by the null space of all rows."""
+    from scipy.linalg import null_space
+
+    from pgraph_core.simulation.shared_loads import Columns, _free
+
+    rng = np.random.default_rng(seed)
+    sizes = rng.integers(1, 5, (5, 3))  # points, other forces and velocities of each block
+    rows, held = (
+        np.zeros((sizes[:, k].sum(), sizes[:, 2].sum() + 2)) for k in (0, 1)
+    )  # no force moves the last velocities
+    (a, b, c) = (np.append(0, np.cumsum(sizes[:, k])) for k in range(3))
+    for k in range(5):
+        for matrix, at in ((rows, a), (held, b)):
+            matrix[at[k] : at[k + 1], c[k] : c[k + 1]] = rng.normal(
+                size=(at[k + 1] - at[k], c[k + 1] - c[k])
+            )
+    mixed = rng.permutation(rows.shape[1])
+    names = [f"pair {k}" for k in range(len(rows))]
+    wrenches = np.zeros((6 * len(rows), len(rows)))
+    wrenches[6 * np.arange(len(rows)) + 2, np.arange(len(rows))] = 1.0
+    left = null_space(np.vstack((rows, held)).T)[: len(rows)]
+    expected = [name for name, row in zip(names, left) if np.abs(row).max(initial=0.0) > 1e-6]
+    columns = Columns(rows, rows, wrenches, names)
+    assert _free(rows[:, mixed], columns, held[:, mixed]) == expected
