@@ -30,11 +30,12 @@ from .finer import (
     no_wider,
     offset_plan,
     shared,
+    speeds_apart,
     undecided,
 )
 from .recorded import Estimate
 from .recording import Recording
-from .remarks import passed_over, unsure_forces
+from .remarks import passed_over, unsure_forces, unsure_speeds
 from .remedies import more_accurate
 from .run_plan import RunPlan
 
@@ -130,6 +131,8 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     told = _notices(record, plan.times, error, sizes, better)
     if touched and not told:
         told = unsure_forces(record, plan.times, forces)
+    elif not told:
+        told = unsure_speeds(record, plan.times, speeds_apart(record, finer, n), size)
     if record.plan.method.implicit:
         told += passed_over(record, float(error[-1, 0]))
     return Estimate(error, forces, told)

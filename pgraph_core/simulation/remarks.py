@@ -535,6 +535,24 @@ def unsure_forces(record: Running, t: Array, error: Array) -> tuple[str, ...]:
     )
 
 
+def unsure_speeds(record: Running, t: Array, error: Array, size: float) -> tuple[str, ...]:
+    """Return a message about errors (n, 2) of angular and linear speeds that are a notable part of
+    the largest speed, and of what moves through the `size` of the motion during the run.
+    """
+    slides = record.mech.packed.slides
+    for own, way, unit in zip(error.T, (~slides, slides), ("rad/s", "m/s")):
+        speeds = record.out.v[: len(t), : record.mech.nv][:, way]
+        peak, worst = float(np.abs(speeds).max(initial=0.0)), float(own.max(initial=0.0))
+        if worst > NAMED * peak and worst * abs(t[-1] - t[0]) > VISIBLE * size:
+            share = f"{percent(worst / peak)} of the largest" if peak else "while nothing moves"
+            return (
+                f"the error of speeds is about {worst:.2g} {unit}, {share}, and above 10 % from "
+                f"t = {t[int((own > NAMED * peak).argmax())]:.4g} s on; use "
+                f"{more_accurate(record.plan)}",
+            )
+    return ()
+
+
 def _of_rounding(record: Running) -> float:
     """Return the largest force by which a soft or penalty contact answers rounding [N].
 

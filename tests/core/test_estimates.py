@@ -524,3 +524,16 @@ def test_errors_are_saved_with_the_run(tmp_path):
     again = pg.Result.load(tmp_path / "run.npz")
     assert np.array_equal(again.error_at, run.error_at)
     assert again.accuracy == run.accuracy
+
+
+@pytest.mark.parametrize(("options", "told"), [({"rtol": 1e-3}, True), ({"rtol": 1e-6}, False)])
+def test_speeds_are_named_that_are_less_accurate_than_positions(options, told):
+    """A stiff spring vibrates by 0.1 mm, at a speed of the size of the mean one."""
+    a = pg.Body(name="a", joint="prismatic", axes=["x"], mass=1.0)
+    b = pg.Body(name="b", joint="prismatic", axes=["x"], link=(0.5, 0, 0), mass=1.0, v=(1.5,))
+    spring = pg.Spring(name="k", body="a", other="b", stiffness=1e8, rest=0.5)
+    run = pg.simulate(pg.Model(bodies=[a, b], forces=[spring]), t_end=0.05, **options)
+    exact = 0.75 * (1.0 - np.cos(np.sqrt(2e8) * run.t))
+    off = np.abs(run["v.a"] - exact).max()
+    assert (off > 0.1 * np.abs(run.v).max()) == told
+    assert any("error of speeds" in notice for notice in run.notices) == told
