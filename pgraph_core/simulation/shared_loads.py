@@ -23,6 +23,7 @@ import numpy as np
 
 from ..analysis.rows import Rows
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
+from ..dynamics.states import BodyMotion
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.contact.contacts import SLIDING
@@ -144,9 +145,10 @@ class Loads:
         """
         mech, (t, q, v) = self.mech, (x[i] for x in self.frames)
         points = [p for p in self.points(i) if p.of_shape and p.friction > 0.0]
+        moving = mech.body_motion(q, v)
         for a, b in {(p.a, p.b) for p in points}:
             own = [p for p in points if (p.a, p.b) == (a, b)]
-            slip = np.array([_slip(mech, p, q, v) for p in own])
+            slip = np.array([_slip(p, moving) for p in own])
             middle = slip.mean(axis=0)
             spin = np.linalg.norm(slip - middle, axis=1).min()
             if len(own) >= 3 and spin > max(VISIBLE * np.linalg.norm(middle), SLIDING):
@@ -201,13 +203,13 @@ def of_events(
     return Loads(mech, active, frames, slip, points, lambda v: np.zeros((0, mech.nv)))
 
 
-def _slip(mech: Mechanism, point: Point, q: Array, v: Array) -> Array:
+def _slip(point: Point, moving: BodyMotion) -> Array:
     """Compute the tangential velocity (3,) of A relative to B at a contact point."""
     speed = np.zeros(3)
     for sign, k in ((1.0, point.a), (-1.0, point.b)):
         if k:
-            name = mech.topology.names[k - 1]
-            speed += sign * _way(mech.jacobian(q, name), mech.pose(q, name)[0], point.place) @ v
+            spin, shift = moving.velocity[k - 1].reshape(2, 3)
+            speed += sign * (shift + np.cross(spin, point.place - moving.pose[k - 1, :3]))
     return speed - point.normal * (point.normal @ speed)
 
 
@@ -247,15 +249,14 @@ class Columns(NamedTuple):
 
 def _columns(mech: Mechanism, points: list[Point], q: Array, v: Array) -> Columns:
     """Compute the unit forces of loaded points at a state. A sliding point has one column."""
-    turns = {0: (np.zeros((6, mech.nv)), np.zeros(3))}
+    turns, origins = {0: (np.zeros((6, mech.nv)), np.zeros(3))}, mech.poses(q).position
     number: dict[tuple[int, int], int] = {}
     effects, conditions, wrenches, slides = [], [], [], False
     for point in points:
         a, b, place, normal = point[:4]
         for k in (a, b):
             if k not in turns:
-                name = mech.topology.names[k - 1]
-                turns[k] = mech.jacobian(q, name), mech.pose(q, name)[0]
+                turns[k] = mech.jacobian(q, mech.topology.names[k - 1]), origins[k - 1]
         way = _way(*turns[a], place) - _way(*turns[b], place)
         slip = way @ v - normal * (normal @ way @ v)
         mu, speed = point.friction, float(np.linalg.norm(slip))
