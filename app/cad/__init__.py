@@ -28,7 +28,7 @@ LABEL = "accept joints"
 
 @dataclass(frozen=True)
 class Assembly:
-    """What was read of a STEP file, of which the user accepts joints."""
+    """The content of a STEP file, of which the user accepts joints."""
 
     file: str
     parts: Parts

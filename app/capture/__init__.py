@@ -31,7 +31,7 @@ File = tuple[str, bytes]  # name, content
 
 @dataclass(frozen=True)
 class Reading:
-    """How the files of a trial are read, "" for what the files say."""
+    """The way in which the files of a trial are read, "" where the files state it."""
 
     up: str = ""
     units: str = ""
@@ -46,7 +46,7 @@ class Take:
     trial: pg.Trial
     reading: Reading = Reading()
     labels: Mapping[str, str] = field(default_factory=dict)  # {site: marker} of other names
-    weights: Mapping[str, float] = field(default_factory=dict)  # of sites
+    weights: Mapping[str, float] = field(default_factory=dict)  # weights of sites
     smooth: bool = False
     cutoff: float | None = None  # [Hz]
     band: bool = True

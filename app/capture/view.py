@@ -24,7 +24,7 @@ PARTS = (
 DRAWN = 300  # points of a drawn curve
 SEEN, SPARE, MISSED = (40, 140, 255), (140, 148, 158), (230, 90, 20)
 PUSH, CORNER = (30, 160, 90), (110, 118, 128)
-LENGTH = 1 / 2  # of the arrow of the largest force of a plate, over the size of the model
+LENGTH = 1 / 2  # length of the arrow of a plate's largest force, over the size of the model
 
 
 def capture(state: State) -> Payload:

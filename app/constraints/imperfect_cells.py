@@ -11,7 +11,7 @@ from pgraph_core.model.output import READINGS
 from ..core.cells import Payload, Refusal, cell, field, group, number, whole
 
 PREFIX = "imperfect_"
-MOST = 999_999_999  # of seeds that are typed
+MOST = 999_999_999  # largest seed that can be typed
 FIELDS = pg.Imperfect.model_fields
 EXACT = "exact: give a time between samples for samples with noise, delay and range"
 

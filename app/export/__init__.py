@@ -20,7 +20,7 @@ class Exporting:
     what: str
     run: Run
     time: float = 0.0  # time that the page shows [s]
-    shown: frozenset[str] = SHOWN_AT_FIRST  # what the page draws
+    shown: frozenset[str] = SHOWN_AT_FIRST  # things that the page draws
 
 
 @dataclass(frozen=True)

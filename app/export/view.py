@@ -90,7 +90,7 @@ class Made(NamedTuple):
 
     suffix: str
     content: bytes
-    report: pg.Report | None = None  # of what it contains and what it cannot
+    report: pg.Report | None = None  # report on what the file contains and what it cannot
 
 
 def made(asked: Exporting, progress: Callable[[float], bool] = lambda fraction: True) -> Made:

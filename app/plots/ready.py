@@ -29,7 +29,7 @@ def ready(run: pg.Result, selected: Sequence[str]) -> list[Ready]:
     """Return what can be plotted at once. Without a selection, these are all bodies and parts."""
     model = run.mechanism.model
     selected = [name for name in selected if name in run.mechanism.names]
-    of = model.beam_of  # of a beam its tip, not its segments
+    of = model.beam_of  # a beam stands for its segments
     names = selected or [name for name in run.mechanism.names if of.get(name, name) == name]
     moving = [name for name in names if model.body(name).dof]
     parts = (*model.constraints, *model.contacts, *model.forces)

@@ -1,4 +1,4 @@
-"""What a page draws beside bodies, as faces for pictures and films: connections and forces."""
+"""Connections and forces that a page draws beside bodies, as faces for pictures and films."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .overlays import HEAD, JOINING, LOAD, SHAFT
 if TYPE_CHECKING:
     from pgraph_core.show.pictures import Beside
 
-FORCE = (11, 125, 99)  # as the page's style has it in light
+FORCE = (11, 125, 99)  # the colour of forces in the page's light theme
 
 Solid = tuple[np.ndarray, np.ndarray, Any, float]  # corners (m, 3, 3), normals, colour, opacity
 

@@ -21,7 +21,7 @@ from .rows import Rows
 class Stop(NamedTuple):
     """A bound of a force, and the constraint that holds where the bound acts."""
 
-    label: str  # in sentences
+    label: str  # its name in sentences
     sign: float  # 1 for an upper bound, -1 for a lower one
 
 
@@ -36,7 +36,7 @@ class Stops:
                 name = f"{f.kind} {f.name} {'high' if sign > 0 else 'low'} limit"
                 self.all.append(Stop(f"the limit of {f.kind} '{f.name}'", sign))
                 constraints.append(Constraint(name=name, active=False, **fields))
-        self.first = len(model.constraints)  # of their constraints in `mech`
+        self.first = len(model.constraints)  # index of their constraints in `mech`
         self.mech = mech
         if constraints:
             both = (*model.constraints, *constraints)

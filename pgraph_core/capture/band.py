@@ -28,7 +28,7 @@ from .tracking import Tracking
 from .trial import Array
 
 WIDE = NormalDist().inv_cdf(0.975)  # standard errors of a 95 % band
-SPLINE = np.array([1, 26, 66, 26, 1]) / 120  # of degree five, at its knots
+SPLINE = np.array([1, 26, 66, 26, 1]) / 120  # values of a B-spline of degree five at its knots
 RANGE = -10, 3  # decades about the mean square of third differences, in which a process is sought
 CHUNK = 4_000_000  # numbers at once
 
@@ -49,7 +49,7 @@ def band(
 
 
 class Known(NamedTuple):
-    """What is known about the errors of positions."""
+    """The known errors of positions."""
 
     error: Array  # (n, nv) their mean, by coordinate
     axes: Array  # (nv, nv) rows along which errors are independent on average

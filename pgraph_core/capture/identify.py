@@ -32,7 +32,7 @@ from ..model import Model
 from ..tolerances import EPS, NAMED, NOTABLE, SOLVED
 from .trial import Array, known
 
-TERMS = 6  # of a combination that are told
+TERMS = 6  # most terms of a combination in a sentence
 ROUNDS = 50  # steps of one share of the barrier at most
 
 
@@ -45,7 +45,7 @@ class Inertias:
     """
 
     model: Model  # with the numbers found
-    names: tuple[str, ...]  # of the parameters, such as "mass of 'hand'"
+    names: tuple[str, ...]  # names of the parameters, such as "mass of 'hand'"
     parameters: Array  # (10 nb,)
     errors: Array  # (10 nb,) standard errors, nan where the data do not determine a parameter
     combinations: Mapping[str, tuple[float, float]]
@@ -162,7 +162,7 @@ def _identified(
         weight, rounds = 1 / np.maximum(spread, least)[row], rounds + 1
     variance = float((missed * weight) @ (missed * weight)) / freedom
     shown, hidden = space
-    covariance = variance * (shown / sizes**2) @ shown.T  # of the scaled parameters
+    covariance = variance * (shown / sizes**2) @ shown.T  # covariance of the scaled parameters
     names = parameter_names(mech)
     own = [names[i] for i in free]
     found, report = prior.copy(), list[str]()
@@ -314,7 +314,7 @@ def _edited(mech: Mechanism, wanted: list[str], found: Array) -> Model:
         inertia[ROWS, COLUMNS] = inertia[COLUMNS, ROWS] = rest
         inertia -= mass * (com @ com * np.eye(3) - np.outer(com, com))
         size = max(float(np.abs(inertia).max()), float(np.abs(rest).max()))
-        inertia[np.abs(inertia) <= SOLVED * size] = 0.0  # of a point mass
+        inertia[np.abs(inertia) <= SOLVED * size] = 0.0  # a point mass has none
         fields = {"mass": mass, "com": tuple(com.tolist()), "inertia": inertia.tolist()}
         model = model.edit(name, derived=(), density=None, any_inertia=True, **fields)
     return model

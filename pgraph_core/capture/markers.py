@@ -72,7 +72,7 @@ class Markers:
         self.moving = made.carried[self.body] * (self.body >= 0)[:, None]
         self.before = made.carried[made.own].T.copy()  # 1.0 where one coordinate carries another
         self.of_q, self.of_v = made.plain
-        self.hinges = np.zeros(mech.nv, dtype=bool)  # that are back after a turn
+        self.hinges = np.zeros(mech.nv, dtype=bool)  # coordinates that are back after a turn
         for name, joint in mech.joints.items():
             motions = mech.model.body(name).sequence
             self.before[joint.v, joint.v] = _before([m.kind for m in motions])

@@ -44,7 +44,7 @@ class Moments:
     v: Array  # (n, nv)
     vdot: Array  # (n, nv)
     torque: Array  # (n, nv) [N m, N] by velocity
-    names: tuple[str, ...]  # of the velocities, or of outputs of their joint
+    names: tuple[str, ...]  # names of the velocities, or of outputs of their joint
     low: Array | None  # (n, nv) lower and upper end of the 95 % band
     high: Array | None
     external: Array  # (n, nb, 6) [torque, force] of plates on bodies at their origins, world axes

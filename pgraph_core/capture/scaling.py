@@ -17,7 +17,7 @@ from .trial import Array, Trial, known
 
 FRAMES = {"point": "body", "points": "body", "side": "body", "other_point": "other"}
 SHIFTS = {"shifts": "body", "other_shifts": "other"}  # displacements of points, in these axes
-LENGTHS = ("radius", "length", "end_radius", "size", "radii", "scale")  # of shapes
+LENGTHS = ("radius", "length", "end_radius", "size", "radii", "scale")  # fields of shapes
 ALONG = ("l_opt", "l_slack")  # lengths of muscles, which grow with their paths
 AXES = ("x", "y", "z")
 

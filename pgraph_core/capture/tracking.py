@@ -37,7 +37,7 @@ class Tracking:
     """
 
     mechanism: Mechanism
-    trial: Trial  # in the axes of the model
+    trial: Trial  # its positions are in the axes of the model
     t: Array  # (n,) [s]
     q: Array  # (n, nq)
     markers: tuple[str, ...]  # sites that are followed

@@ -21,7 +21,9 @@ KEPT = 16  # calls kept of a run, and at most twice as many
 MOST_SEEN = 4096  # objects that are looked at, and entries of each
 PLAIN = (bool, int, float, complex, str, bytes, type(None))
 FIXED = (types.ModuleType, type, types.BuiltinFunctionType, types.CodeType)  # not looked into
-OWN = __name__.partition(".")[0]  # what its models and mechanisms keep changes no answer
+OWN = __name__.partition(".")[
+    0
+]  # package whose models and mechanisms keep nothing that changes an answer
 
 
 class Call(NamedTuple):
@@ -38,9 +40,9 @@ class Calls:
     """Some calls of a function, evenly over all of them."""
 
     def __init__(self, function: Callable[..., Any]):
-        self.function = function  # of the user
+        self.function = function  # the user's own
         self.count, self.apart = 0, 1
-        self.first: dict[str, int] = {}  # what it held after its first call
+        self.first: dict[str, int] = {}  # values that it held after its first call
         self.kept: list[Call] = []
 
     def note(self, t: float, q: Array, v: Array, answer: Array) -> None:
@@ -136,7 +138,7 @@ def _held(function: Any) -> Iterator[tuple[str, Any]]:
 def _inside(cell: types.CellType) -> Any:
     try:
         return cell.cell_contents
-    except ValueError:  # it has no value yet
+    except ValueError:  # the cell has no value yet
         return None
 
 

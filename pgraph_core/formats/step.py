@@ -14,7 +14,7 @@ from .step_joints import Proposal, proposed
 from .step_model import CALL, StepReport, densities_by_name, model_of
 from .step_parts import Parts, content_of_step, parts_of
 
-LONGEST = 60  # [s] of processor time
+SECONDS = 60  # [s] processor time of a reader, unless another limit is given
 PATIENCE = 5  # limit on wall time relative to it, for a busy machine
 
 
@@ -26,7 +26,7 @@ def read_step(
     joints: Literal["propose", "accept"] | Iterable[Proposal] = "propose",
     fixed: Iterable[str] = (),
     tolerance: float | None = None,
-    seconds: int = LONGEST,
+    seconds: int = SECONDS,
 ) -> tuple[Model, StepReport]:
     """Read a STEP file as bodies with exact mass properties, and propose their joints.
 

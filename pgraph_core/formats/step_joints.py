@@ -26,7 +26,7 @@ KINDS: tuple[JointOfStep, ...] = (
     "weld", "revolute", "prismatic", "cylindrical", "spherical", "planar",
 )  # fmt: skip
 FIT = 5 * VISIBLE  # largest clearance and misalignment of a fit, relative to its radius
-MOST_TRIANGLES = 4000  # of two planes that are compared at once
+MOST_TRIANGLES = 4000  # triangles of two planes that are compared at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Face:
     low: float = 0.0  # range along the axis from `point`
     high: float = 0.0
     share: float = 1.0  # share of a turn, or of a whole sphere
-    triangles: Array = field(default_factory=lambda: np.zeros((0, 3, 3)))  # of a plane
+    triangles: Array = field(default_factory=lambda: np.zeros((0, 3, 3)))  # the area of a plane
     blur: float = 0.0  # chord error of the triangles
 
 
@@ -71,7 +71,7 @@ class Proposal(Suggests):
     kind: JointOfStep
     bodies: tuple[str, str]
     point: tuple[float, float, float]  # on the first body, in the axes of the assembly [m]
-    axis: tuple[float, float, float]  # of the first body; without meaning for a weld or a ball
+    axis: tuple[float, float, float]  # axis on the first body, without meaning for a weld or a ball
     other_point: tuple[float, float, float]  # the same place on the second body
     other_axis: tuple[float, float, float]
     evidence: str
@@ -462,7 +462,7 @@ def _reduced(
     _, other, other_axis = there
     if axis @ other_axis < 0:
         other_axis = -other_axis
-    if fits and kind in ("revolute", "cylindrical"):  # where they meet, not nearest to the mean
+    if fits and kind in ("revolute", "cylindrical"):  # the place where the axes meet
         point = _onto(np.mean([x.points[0] for x in fits], axis=0), point, axis)
         other = _onto(point, other, other_axis)
     gap = max((x.gap for x in chosen), default=0.0)

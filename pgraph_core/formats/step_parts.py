@@ -36,7 +36,7 @@ UNITS_OF_STEP = {  # names of units [m]
 LARGEST = 500_000_000  # bytes of a file
 MOST_PARTS = 2000
 CHORD = TOUCHING  # largest distance of a mesh from its solid, relative to the size of the part
-SIDES = 32  # of a mesh around a cylinder, at least
+SIDES = 32  # least number of sides of a mesh around a cylinder
 AUTOMATIC = re.compile(r"=>\[|NAUO\d+$|SOLID$|COMPOUND$|Open CASCADE", re.IGNORECASE)
 UNCERTAINTY = re.compile(
     rb"UNCERTAINTY_MEASURE_WITH_UNIT\s*\(\s*LENGTH_MEASURE\s*\(\s*([-+.\dEe]+)"
@@ -56,13 +56,13 @@ class Part:
     volume: float  # [m^3], 0 for surfaces
     com: Array
     inertia: Array  # (3, 3) about the centre of mass
-    place: Array  # of the mesh
+    place: Array  # position of the mesh
     turn: Array  # (3, 3) of the mesh
     file: str  # mesh, "" if there is none
     chord: float  # largest distance of the mesh from the solid [m]
     box: Array  # (2, 3)
     colour: tuple[float, float, float] | None
-    density: float  # of the file's material, 0 if it has none
+    density: float  # density of the file's material, 0 without one
     faces: tuple[Face, ...] = ()
 
 
@@ -383,7 +383,7 @@ class _Assembly:
         self.colours = XCAFDoc_DocumentTool.ColorTool_s(main)
 
     def _name_damage(self, entries: Any) -> None:
-        """Note errors of syntax and references to missing entries: parts with them are left out."""
+        """Note errors of syntax and missing entries: the library omits parts that have them."""
         check = entries.GlobalCheck(True)
         if count := check.NbFails():
             text = f"{count} errors in the text of the file, and parts may be missing; the first: "

@@ -40,7 +40,7 @@ STRAINS: tuple[Strain, ...] = get_args(Strain)
 SINCE = 10
 AUTO = "auto"
 STIFFNESS = ("section", "EI", "EA", "GJ", "rho_a", "rho_j")
-MOST_SEGMENTS = 500  # of a beam: its error falls with their square, rounding grows with their rates
+MOST_SEGMENTS = 500  # more would add rounding, which grows with their rates
 
 
 class Section(NamedTuple):

@@ -28,7 +28,7 @@ from .scenario import Scenario, coordinates, followed, of_bodies
 
 NAMING = ("parent", "body", "other", "at")  # fields that name bodies
 T = TypeVar("T", bound=Frozen)
-Standing = TypeVar("Standing", Body, Beam)  # what hangs on a parent
+Standing = TypeVar("Standing", Body, Beam)  # parts that hang on a parent
 
 
 def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:

@@ -185,7 +185,7 @@ def _put_formulas(data: dict[str, Any], formulas: Sequence[Formula]) -> None:
         items = data[part]
         for i, item in enumerate(items):
             found = mine.get((part, item["name"]), [])
-            if not _plain(item.get("shapes", ())):  # it is written as `shapes`
+            if not _plain(item.get("shapes", ())):  # the first one is written as `shapes`
                 found = [_of_first_shape(formula) for formula in found]
             items[i] = inlined(item, found) if found else item
 

@@ -17,7 +17,7 @@ from . import files
 from .model import Model
 
 MARK = "#m="
-PAGE = "http://localhost:8080/"  # where `pgraph` serves its page
+PAGE = "http://localhost:8080/"  # address at which `pgraph` serves its page
 MOST = 1_000_000  # bytes of a model in a link
 SAFE = 2000  # characters of a link that chat and mail programs leave whole
 ADDRESS = re.compile(r"(https?://[^#\s]*)?#m=", re.ASCII)

@@ -262,7 +262,7 @@ def expanded(parts: Mapping[str, Sequence[Any]], counts: Counts | None = None) -
 
 
 def segment(beam: str, k: int) -> str:
-    """Return the name of the segment after the joint k of a beam, from 1; 0 is fixed."""
+    """Return the name of segment k of a beam, where 0 is the fixed one."""
     return f"{beam}[{k}]"
 
 

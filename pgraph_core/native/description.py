@@ -24,7 +24,7 @@ CAUSALITY = {TIME: "independent", INPUT: "input", PARAMETER: "parameter", STATE:
 
 
 class Fmu(NamedTuple):
-    """What of an FMU its description says."""
+    """The facts of an FMU that its description states."""
 
     exported: Exported
     identifier: str  # name of the binaries
@@ -42,7 +42,7 @@ class Fmu(NamedTuple):
 
     @property
     def knowns(self) -> list[int]:
-        """What outputs and derivatives depend on: inputs, and the states of model exchange."""
+        """The inputs and states of model exchange on which outputs and derivatives depend."""
         return self.numbers(STATE, INPUT) if MODEL_EXCHANGE in self.kinds else self.numbers(INPUT)
 
     @property
@@ -65,7 +65,7 @@ class Fmu(NamedTuple):
 
     @property
     def assembled(self) -> bool:
-        """Whether constraints change the states at the start."""
+        """Return True if constraints change the states at the start."""
         return bool(self.exported.run.header()["project"])
 
 

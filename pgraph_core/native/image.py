@@ -62,7 +62,7 @@ class Effect(NamedTuple):
     low: float = -np.inf
     high: float = np.inf
     packs: bool = False  # the table of bodies is packed afterwards
-    lag: float = 0.0  # [s] of a drive, 0 for none
+    lag: float = 0.0  # [s] lag of a drive, 0 without one
 
 
 class Variable(NamedTuple):
@@ -81,7 +81,7 @@ class Variable(NamedTuple):
 
 
 class Wanted(NamedTuple):
-    """What of a model its user sees, and how it is stepped."""
+    """The parts of a model that its user sees, and the way in which it is stepped."""
 
     inputs: tuple[str, ...] | None = None  # names, None for all
     outputs: tuple[str, ...] | None = None

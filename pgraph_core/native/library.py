@@ -41,7 +41,7 @@ CALLED = (
 class Platform(NamedTuple):
     """A platform with a library."""
 
-    triple: str  # of LLVM
+    triple: str  # LLVM's name of the platform
     zig: str  # target of the linker
     file: str  # name of the library
     fmi2: str  # its folder in FMI 2.0

@@ -26,7 +26,7 @@ from .image import unit_of_output
 
 NUMBERS = ("Real", "Float64", "Float32")  # types of variables that can be connected
 WITH_FORCES = ("accelerometer", *OF_LOAD, *OF_CONTACT)  # outputs that depend on the torques asked
-TORQUES = {"rad": "N m", "m": "N"}  # of a coordinate with this unit
+TORQUES = {"rad": "N m", "m": "N"}  # unit of the force by the unit of the coordinate
 LOGGED = 3  # last messages of an FMU that an error repeats
 
 
@@ -64,7 +64,7 @@ class Fmu:
         self.outputs = self._named("output")
         self._units = {unit.name: unit.baseUnit for unit in described.unitDefinitions}
         self._fixed = not described.coSimulation.canHandleVariableCommunicationStepSize
-        self._width: float | None = None  # of its first step [s]
+        self._width: float | None = None  # width of its first step [s]
         self._begun = False
         self._check_start()
         self._read = [self._linked(name, "outputs") for name in self.outputs]
@@ -132,7 +132,7 @@ class Fmu:
         called, usual = fmi2.fmi2CallbackFunctions(), fmi2.defaultCallbacks
         called.allocateMemory, called.freeMemory = usual.allocateMemory, usual.freeMemory
         called.logger = fmi2.fmi2CallbackLoggerTYPE(note)
-        addLoggerProxy(byref(called))  # which fills in what a format names
+        addLoggerProxy(byref(called))  # fmpy's proxy fills in the values of a format
         return {"loggingOn": True, "callbacks": called}
 
     def _messages(self) -> str:
@@ -399,7 +399,7 @@ def _freed(fmu: Any) -> None:
     """Free an instance, after which its library can be unloaded."""
     try:
         fmu.freeInstance()
-    except Exception:  # it is of no use any more
+    except Exception:  # an instance that cannot be ended is dropped
         return
 
 

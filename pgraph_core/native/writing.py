@@ -23,7 +23,14 @@ from .library import HERE, PLATFORMS, SOURCES, here, library, stale
 
 KINDS = (CO_SIMULATION, MODEL_EXCHANGE)
 EXAMPLES = HERE / "examples"
-STAMP = (1980, 1, 1, 0, 0, 0)  # of files in an FMU: the same model makes the same bytes
+STAMP = (
+    1980,
+    1,
+    1,
+    0,
+    0,
+    0,
+)  # time of all files in an FMU, so that a model always makes the same bytes
 
 
 @explained

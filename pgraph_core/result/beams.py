@@ -1,4 +1,4 @@
-"""What the springs of beams transmit, and where their tips are, as columns of a run."""
+"""Columns of a run for its beams: loads in their springs, and the places of their tips."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 GOLDEN = 0x9E3779B97F4A7C15  # odd, of the golden ratio: the step of the counter
 MIXED = ((30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB), (31, 1))  # shifts and factors
 WORD = (1 << 64) - 1
-TERMS = 18  # of the series of log and cos, to the last digit
+TERMS = 18  # terms of the series of log and cos for the last digit
 NOISE, BIAS, WALK = "noise", "bias", "walk"  # processes
 
 

@@ -53,7 +53,7 @@ class Beside(NamedTuple):
         )
 
 
-Extra = Callable[[float, np.ndarray], Beside] | None  # of a time [s] and the poses (nb, 7)
+Extra = Callable[[float, np.ndarray], Beside] | None  # function of a time [s] and the poses (nb, 7)
 
 
 # -- pictures --------------------------------------------------------------------------------------

@@ -352,7 +352,7 @@ class Recording(Running):
     def _rehearse(self) -> None:
         """Compute the forces of the first step of time stepping, for frame 0 and conditions."""
         if self.scene.touching is not None and self.ended.ok:
-            held = self.scene.blocks.blocks_f[:, at.HELD]  # of frictions, a first guess
+            held = self.scene.blocks.blocks_f[:, at.HELD]  # first guesses of frictions
             before = held.copy()
             self.steps.rehearse(self.scene.touching.tally_table, self.scene.touching.pairs)
             held[:] = before

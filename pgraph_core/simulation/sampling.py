@@ -56,7 +56,7 @@ def samples_of(sample: float | None, step: float, span: tuple[float, float]) -> 
         raise InputError(Problem("simulate", "sample", text))
     k, steps = np.arange(np.ceil(count * (1.0 - SOLVED))), round(sample / step) if step else 0
     if steps and abs(steps * step - sample) <= SOLVED * step:
-        return span[0] + k * steps * step  # as a Stepper counts them
+        return span[0] + k * steps * step  # a Stepper counts times in this way
     return span[0] + k * sample
 
 

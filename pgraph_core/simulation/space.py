@@ -37,7 +37,7 @@ def with_space_error(
 
     `call` has the arguments of `simulate` but for the mechanism, and `said` are further notices.
     """
-    if not run.status.ok:  # where it failed, so did the segments
+    if not run.status.ok:  # a run that failed has no segments to compare
         return run.with_space_error(None, said)
     mech = run.mechanism
     counts, factor = refined(mech.model.segments)
