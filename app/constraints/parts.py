@@ -27,7 +27,7 @@ from ..core.cells import (
     valid_name,
     whole,
 )
-from ..properties import track_cells
+from ..properties import beam_cells, track_cells
 from . import (
     KINDS,
     WORD,
@@ -52,6 +52,7 @@ from .places import Places
 ALL_ON_GROUND = "* on ground"  # picked: a contact of every body with the ground
 Item = Any  # pg.Constraint | pg.Contact | pg.Force | pg.Site | pg.Output
 
+ON_BEAM = "_on_beam"  # ends the names of cells with the place of a body along a beam
 FLAG = ("no", "yes")  # texts of false and true in a form
 KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind", "outputs": "kind",
               "controls": "kind"}  # fmt: skip
@@ -196,6 +197,9 @@ def changed(
     data = model.cells(item, part)
     if field == "name":
         return renamed(model, part, name, entries[0][1].strip())
+    if field.endswith(ON_BEAM):
+        slot = field.removesuffix(ON_BEAM)
+        field, entries = slot, [((), beam_cells.placed(model, data[slot], entries[0][1]))]
     if field in ("kind", "law"):
         return _put(model, part, name, rekinded(model, part, item, entries[0][1]))
     if field == "follower" and isinstance(item, pg.Cam):

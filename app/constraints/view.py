@@ -25,7 +25,7 @@ from ..core.cells import (
 from ..core.views import Host, Payload, Place, topic
 from ..pose.solving import degrees
 from ..pose.view import moment
-from ..properties import track_cells
+from ..properties import beam_cells, track_cells
 from . import (
     CELLS,
     KINDS,
@@ -141,7 +141,9 @@ def _list(state: State, page: Client, part: Part) -> Payload:
             "name": x.name,
             "kind": parts.kind_of(part, x),
             "between": between(x),
-            "bodies": [n for n in _bodies(x) if n in state.derived.number],
+            "bodies": [
+                *dict.fromkeys(state.row_of(n) for n in _bodies(x) if n in state.derived.number)
+            ],
             "active": None if on is None else x.name in on,
             "form": form(state, page.display, part, x) if page.opened == (part, x.name) else None,
         }
@@ -158,7 +160,7 @@ def _bodies(item: Any) -> tuple[str, ...]:
 
 
 def _touches(item: Any, name: str | None, model: pg.Model) -> bool:
-    if name is None or name in _bodies(item):
+    if name is None or name in (model.beam_of.get(one, one) for one in _bodies(item)):
         return True
     everyone = isinstance(item, pg.Contact) and EVERY in _bodies(item)
     return everyone and bool(model.body(name).touching)
@@ -298,7 +300,8 @@ def _field(
             return [choice(name, about(item, name).label, kind, options, help=KINDS[part][kind],
                            note=KINDS[part][kind])]  # fmt: skip
         case "body" | "other" | "at":
-            return [_name_field(model, part, item, name)]
+            on = beam_cells.place_row(model, name + parts.ON_BEAM, getattr(item, name))
+            return [_name_field(model, part, item, name), *on]
         case "q_of_t":
             return _curve(model, item)
         case "curve" if isinstance(item, pg.CurvePoint):
@@ -375,7 +378,9 @@ def _name_field(model: pg.Model, part: Part, item: Any, name: str) -> Payload:
     if part == "sites":
         extra = [GROUND]
     pick = button("Pick", "Pick", "click the body in the digraph, the table or 3D", slot=name)
-    return field(name, about(item, name).label, [cell((), getattr(item, name))], kind="names",
+    body = getattr(item, name)
+    row = [cell((), model.beam_of.get(body, body))]
+    return field(name, about(item, name).label, row, kind="names",
                  options=extra, buttons=[pick])  # fmt: skip
 
 

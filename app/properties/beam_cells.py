@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.fields import About, about
 from pgraph_core.model.beam import AUTO, MATERIALS, MOST_SEGMENTS, SECTIONS, STRAINS
-from pgraph_core.model.segments import point_at
+from pgraph_core.model.segments import place_in, point_at
 from pgraph_core.rotation import matrix, multiply, unit
 
 from ..core.cells import (
@@ -49,8 +49,34 @@ TURNS: Mapping[str, tuple[tuple[int, ...], Any, Any]] = {  # angles among its nu
     "rotation_euler": ((0, 1, 2), euler_of, from_euler),
     "rotation_axis": ((3,), axis_of, from_axis),
 }
+BeamField = Literal[
+    "length", "section_kind", "sizes", "material", "nodes", "damping_ratio", "end", "points", "E",
+    "G", "density", "EI", "GJ", "EA", "rho_a", "rho_j", "deforms", "tolerance", "place",
+]  # fmt: skip
 FIRST = ("length", "section_kind", "sizes", "material", "nodes", "damping_ratio")
 STIFF = ("E", "G", "density", "EI", "GJ", "EA", "rho_a", "rho_j")
+
+
+AT = About("Along the beam", "", "place on its beam, from 0 at the root to 1 at the tip")
+
+
+def place_row(model: pg.Model, name: str, parent: str) -> list[Payload]:
+    """Return the row of a place along a beam that a part names, or none for other bodies."""
+    place = place_in(parent, {beam.name: beam for beam in model.beams})
+    if parent in model.row or place is None:
+        return []
+    return [field(name, AT.label, [cell((), place[1])], help=f"{AT.help} of '{place[0]}'")]
+
+
+def placed(model: pg.Model, parent: str, text: str) -> str:
+    """Return the name of the place along the beam of `parent` that was typed. Raises Refusal."""
+    beams = {beam.name: beam for beam in model.beams}
+    place, at = place_in(parent, beams), quantity(text, "number", Display())
+    if place is None:
+        raise Refusal(f"'{parent}' is no place on a beam")
+    if not 0.0 <= at <= 1.0:
+        raise Refusal(f"must be from 0 at the root to 1 at the tip of '{place[0]}', got {text}")
+    return place[0] if at == 1.0 else beams[place[0]].at(at)
 
 
 def shows(name: str) -> About:

@@ -57,7 +57,7 @@ class Typed(OfBodies):
 
     serial: int
     bodies: Chosen
-    field: BodyField | FurtherShape
+    field: BodyField | beam_cells.BeamField | FurtherShape
     entries: Entries
 
 
@@ -147,6 +147,8 @@ def row_edit(
     model: pg.Model, row: pg.Body | pg.Beam, field: str, entries: Entries, display: Display
 ) -> dict[str, Any]:
     """Return the arguments of `model.edit` that store text typed for a row. Raises Refusal."""
+    if field == "place":
+        return {"parent": beam_cells.placed(model, row.parent, entries[0][1])}
     of = beam_cells.edit_of if isinstance(row, pg.Beam) else edit_of
     return of(model, row, field, entries, display)  # type: ignore[arg-type]
 

@@ -108,6 +108,7 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
         choice("joint", "Type", body.joint, [(j, j.capitalize()) for j in JOINTS],
                help=shows("joint").help, heads=True),
         *form.motions(), *form.track(), *([form.vector("pitch")] if any(body.pitch) else []),
+        *beam_cells.place_row(model, "place", body.parent),
         form.vector("link"),
     ]  # fmt: skip
     frame = [form.text("name"), form.vector(turn, names), form.follows(form.tip())]

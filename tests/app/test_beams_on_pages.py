@@ -1,9 +1,13 @@
 """Beams on a page: a row of the table each, with a form, drawn as segments that bend."""
 
+import json
+
 import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_app.constraints.view import constraints
+from pgraph_app.core.events import from_page
 from pgraph_app.digraph.view import digraph
 from pgraph_app.plots import SCENE, Signal, curves
 from pgraph_app.plots.ready import ready
@@ -22,8 +26,12 @@ SEGMENTS = tuple(f"rod[{k}]" for k in range(5))
 
 
 def edit(state, field, *entries, name="rod"):
-    """Return the state after text was typed into cells of a field, each (index, text)."""
-    return after(state, do.EditBodies(ME, serial=1, bodies=(name,), field=field, entries=entries))
+    """Return the state after text was typed into cells of a field, each (index, text).
+
+    The event comes as from a page, which checks the names of fields.
+    """
+    sent = {"serial": 1, "bodies": [name], "field": field, "entries": entries}
+    return after(state, from_page(ME, json.dumps({"event": "EditBodies", **sent})))
 
 
 def typed(state, field, text, *index):
@@ -168,3 +176,46 @@ def test_a_run_with_auto_draws_the_segments_that_it_used():
     state = ran(begun(model), result)
     assert len(state.derived.names) == len(result.mechanism.names)
     assert len(marks.looks(state)) == len(poses(state)[0])
+
+
+def test_bodies_and_parts_hang_on_places_along_a_beam():
+    state = edit(begun(BEAMED), "place", ((), "0.5"), name="load")
+    assert state.model.body("load").parent == "rod@0.5"
+    rows = {row["name"]: row for row in table(state)["rows"]}
+    assert rows.keys() == {"load", "rod"}
+    assert rows["load"]["parent"] == "rod"
+    assert form(state, "load")["place"]["cells"][0]["value"] == 0.5
+    assert "from 0" in reply(edit(state, "place", ((), "1.5"), name="load"))
+    assert "place" not in form(begun(pg.Model.serial(1)), "1")
+    state = after(begun(BEAMED), do.AddPart(ME, "constraints", "point", "rod"))
+    state = after(state, do.PickName(ME, "ground"))
+    kind = {"part": "constraints", "name": "point"}
+    cell = {"serial": 1, "field": "body_on_beam", "entries": (((), "0.25"),)}
+    state = after(state, do.EditPart(ME, **kind, **cell))
+    assert state.model.constraints[0].body == "rod@0.25"
+    assert table(state)["rows"][1]["constraints"] == ("point",)
+    shown = constraints(state, state.clients[ME])["lists"][0]["items"][0]
+    assert shown["bodies"] == ["rod"]
+    assert "body_on_beam" in {row["field"] for group in shown["form"] for row in group["fields"]}
+
+
+@pytest.mark.parametrize("kind", ["point", "weld", "line", "distance", "curve_point"])
+def test_a_constraint_of_the_tip_of_a_beam_begins_where_it_is(kind):
+    """The tip is a body without mass of its own: constraints asked for a row of the table."""
+    state = after(begun(BEAMED), do.AddPart(ME, "constraints", kind, "rod"))
+    state = after(state, do.PickName(ME, "ground"))
+    assert [c.kind for c in state.model.constraints] == [kind]
+    assert not pg.Mechanism(state.model).assemble()[2].notable
+    assert constraints(state, state.clients[ME])["lists"][0]["items"][0]["form"]
+
+
+def test_a_loop_is_closed_at_the_tip_of_a_beam():
+    model = BEAMED.add(pg.Body(name="arm", joint="revolute", link=(1.0, 0.0, 0.0), mass=1.0))
+    closed = model.close_loop("rod", "arm", joint="spherical")
+    assert closed.constraints[0].pair == ("rod", "arm")
+    assert closed.point_of(closed.constraints[0]) == (0.0, 0.0, 0.0)
+    assert model.body("rod@0.25").link == pytest.approx((0.25, 0.0, 0.0))
+    at, turned = pg.home_poses(model)
+    assert at[pg.Topology.of(model).number("rod") - 1] == pytest.approx((1.0, 0.0, 0.0))
+    with pytest.raises(pg.PgraphError, match="expanded"):
+        pg.frame_update_trace(model, np.zeros(1), np.zeros(1))
