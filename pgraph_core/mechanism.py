@@ -489,6 +489,17 @@ _KEEPING = Lock()  # threads share models
 _LAST = deque[ref[_Kept]]()
 
 
+def _keep(kept: _Kept, made: Mechanism) -> Mechanism:
+    """Keep a mechanism, or return the one that another thread has made meanwhile."""
+    with _KEEPING:
+        if (found := kept.mechanism) is None:
+            found = kept.mechanism = made
+            _LAST.append(ref(kept))
+            if len(_LAST) > MOST_KEPT and (old := _LAST.popleft()()) is not None:
+                old.mechanism = None
+        return found
+
+
 def mechanism_of(value: Any, where: str) -> Mechanism:
     """Return the mechanism of a Mechanism or a Model. Raises InputError for other types.
 
@@ -498,13 +509,7 @@ def mechanism_of(value: Any, where: str) -> Mechanism:
         return value
     if isinstance(value, Model):
         kept = vars(value).setdefault(OF_MODEL, _Kept())
-        with _KEEPING:
-            if kept.mechanism is None:
-                kept.mechanism = Mechanism(value)
-                _LAST.append(ref(kept))
-                if len(_LAST) > MOST_KEPT and (old := _LAST.popleft()()) is not None:
-                    old.mechanism = None
-            return kept.mechanism
+        return kept.mechanism or _keep(kept, Mechanism(value))
     raise wrong_type(where, "mechanism", "a pg.Mechanism or a pg.Model", value)
 
 
