@@ -24,7 +24,7 @@ from .constraint import Constraint, Rolling
 from .contact import Contact
 from .control import Control
 from .curve_point import CurvePoint
-from .doubts import doubts
+from .doubts import doubts, floppy
 from .editing import followed_tips
 from .given import by_class, grounded, made_of, problems
 from .joint_constraint import Relation
@@ -297,7 +297,7 @@ class Description(World):
         """Warnings about implausible values and parts without effect, repeated by each run."""
         if self.described is not self:
             return self.described.doubts
-        return tuple(doubts(self.stiffened))
+        return (*doubts(self.stiffened), *floppy(self.beams))
 
     def body(self, name: str) -> Body:
         """Return the body with a name.

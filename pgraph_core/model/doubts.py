@@ -14,7 +14,7 @@ from ..fields import EVERY, GROUND, Vec3
 from ..forces import OnJoint, Servo, Spring, Torsion
 from ..joints import DIRECTED, beyond
 from ..signals.grammar import names_in
-from ..tolerances import SOLVED
+from ..tolerances import NOTABLE, SOLVED
 from .body import Body
 from .constraint import AlongAxes, Constraint
 from .expressions import named_in, texts_of
@@ -34,6 +34,18 @@ def doubts(model: Any) -> list[str]:
         *_idle_forces(model, by_name), *_twice(model), *_idle_parameters(model),
         *_untouched(model), *_exact(model),
     ]  # fmt: skip
+
+
+def floppy(beams: Sequence[Any]) -> Iterator[str]:
+    """Yield warnings about beams, such as thin open sections, that hardly resist twist."""
+    for beam in beams:
+        GJ, EI = beam.stiff.GJ, min(beam.stiff.EI or (0.0,))
+        if "twist" in beam.deforms and GJ < NOTABLE * EI:
+            yield (
+                f"beam '{beam.name}', GJ: {GJ:.3g} N m^2 is {GJ / EI:.1g} of its EI, "
+                f"{EI:.3g} N m^2, so that next to nothing holds it against twist; give the GJ of "
+                "its section, or leave 'twist' out of its strains"
+            )
 
 
 def _impossible(bodies: Sequence[Body]) -> Iterator[str]:

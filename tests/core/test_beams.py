@@ -319,3 +319,11 @@ def test_a_run_that_fails_has_no_error_in_space():
     assert not run.success
     assert np.isnan(run.space_error)
     assert any("radau5" in text for text in run.notices)
+
+
+@pytest.mark.parametrize(("GJ", "doubted"), [(1.0, 0), (1e-5, 1), (None, 0)])
+def test_a_beam_that_next_to_nothing_holds_against_twist_is_named_with_the_remedy(GJ, doubted):
+    rod = pg.Beam(name="rod", length=1.0, EI=100.0, GJ=GJ, rho_a=1.0, rho_j=1e-4, nodes=4)
+    found = [text for text in pg.Model(beams=[rod]).doubts if "GJ" in text]
+    assert len(found) == doubted
+    assert all("rod" in text and "1e-05" in text and "strains" in text for text in found)
