@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import compress
 from typing import Any
 
 import numpy as np
-from scipy.linalg import LinAlgError, expm, solve_discrete_are
+from scipy.linalg import LinAlgError, expm, null_space, orth, schur, solve_discrete_are
 
 from ..dynamics import Dynamics, model_of
 from ..dynamics.states import Sensors, bodies_over, no_motion
@@ -104,13 +105,12 @@ def kalman(
     parts = [".".join(filter(None, (o.name, part))) for o in wanted for part in o.reading.parts]
     sample = given[0].sample
     R = np.diag([x.density**2 / x.sample + x.quantum**2 / PER_QUANTUM for x in given])
-    A, B, Q = _over(found, _densities(mech, disturbance), sample)
+    pushes = found.B * _densities(mech, disturbance)
+    A, B, Q = _over(found, pushes, sample)
     try:
         predicted = solve_discrete_are(A.T, C.T, Q, R)
     except (LinAlgError, ValueError):
-        text = f"do not determine {choices(names)} from {choices(parts)}: give an output of a "
-        text += "coordinate that drifts, or a disturbance of each joint"
-        raise InputError(Problem("kalman", "outputs", text)) from None
+        raise _without_filter(found, C, pushes, names, parts) from None
     K = np.linalg.solve(C @ predicted @ C.T + R, C @ predicted).T
     left = np.eye(len(A)) - K @ C
     covariance = left @ predicted @ left.T + K @ R @ K.T
@@ -121,6 +121,30 @@ def kalman(
         K, covariance, predicted, A, B, C, Q, R, tuple(names), tuple(parts), at, reading, sample,
         (*found.notices, *_left_out(wanted)),
     )  # fmt: skip
+
+
+def _without_filter(
+    found: Linearisation, C: Array, pushes: Array, names: Sequence[str], parts: Sequence[str]
+) -> InputError:
+    """Return the refusal of outputs that leave states undetermined, or of undisturbed states."""
+    if any(hidden := _hidden(found.A, C)):
+        text = f"do not determine {choices(compress(names, hidden))} from {choices(parts)}: give "
+        return InputError(Problem("kalman", "outputs", f"{text}an output that these change"))
+    still = [*compress(names, _hidden(found.A.T, pushes.T))] or names
+    text = f"must change {choices(still)}, which do not decay: give a torque of their joints"
+    return InputError(Problem("kalman", "disturbance", text))
+
+
+def _hidden(A: Array, C: Array) -> list[bool]:
+    """Return which states of x' = A x the readings C x do not show, unless they decay."""
+    seen = orth(C.T)
+    while (more := orth(np.hstack((seen, A.T @ seen)), NOTABLE)).shape[1] > seen.shape[1]:
+        seen = more
+    rest: Any = null_space(seen.T)
+    tiny = -NOTABLE * np.abs(A).max(initial=0.0)
+    parts: Any = schur(rest.T @ A @ rest, "complex", sort=lambda x: x.real > tiny)
+    _, turned, count = parts
+    return [*(np.abs(rest @ turned[:, :count]).max(axis=1, initial=0.0) > NOTABLE)]
 
 
 def _places(mech: Dynamics, found: Linearisation) -> Array:
@@ -225,9 +249,9 @@ def _numbers(given: Any) -> Array:
         return np.array(np.nan)
 
 
-def _over(found: Linearisation, densities: Array, h: float) -> tuple[Array, Array, Array]:
-    """Return (A, B, Q) over the time h, with white torques of these densities [Van Loan 1978]."""
-    n, pushes = len(found.A), found.B * densities
+def _over(found: Linearisation, pushes: Array, h: float) -> tuple[Array, Array, Array]:
+    """Return (A, B, Q) over the time h, with white noise through `pushes` [Van Loan 1978]."""
+    n = len(found.A)
     both = np.block([[-found.A, pushes @ pushes.T], [np.zeros((n, n)), found.A.T]])
     blocks: Any = expm(both * h)
     A = blocks[n:, n:].T

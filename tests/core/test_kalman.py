@@ -118,6 +118,37 @@ def test_refusals():
     refused(lambda: pg.kalman(one, ["place"], 1.0, q=[0.0, 0.5]), "equilibrium")
 
 
+def two_carts():
+    other = pg.Body(name="other", joint="prismatic", axes=[(0, 1, 0)])
+    return cart().add(other)
+
+
+def test_only_states_that_no_output_shows_are_named():
+    text = str(refusal(lambda: pg.kalman(two_carts(), "place", 1.0)))
+    assert_names(text, "outputs", "q.other", "v.other")
+    assert "q.cart" not in text
+    assert "v.cart" not in text
+    text = str(refusal(lambda: pg.kalman(cart(kind="joint_velocity"), "place", 1.0)))
+    assert_names(text, "q.cart")
+    assert "v.cart" not in text
+
+
+def test_states_that_nothing_disturbs_are_named():
+    at = pg.Output(
+        name="at", kind="joint_position", at="other", imperfect=cart().outputs[0].imperfect
+    )
+    model = two_carts().add(at)
+    text = str(refusal(lambda: pg.kalman(model, ["place", "at"], {"cart": 1.0})))
+    assert_names(text, "disturbance", "q.other", "v.other")
+    assert "q.cart" not in text
+
+
+def test_hidden_states_that_decay_need_no_output():
+    other = pg.Spring(name="pull", body="other", stiffness=4.0, damping=1.0)
+    found = pg.kalman(two_carts().add(other), "place", 1.0)
+    assert np.isfinite(found.K).all()
+
+
 @pytest.mark.parametrize("kind", ["position", "velocity", "velocimeter", "subtree_position"])
 def test_outputs_of_frames_are_differentiated(kind):
     found = pg.kalman(
