@@ -47,19 +47,22 @@ TURN = objects(x=NUMBER, y=NUMBER, z=NUMBER, w=NUMBER)
 COLOR = objects(r=NUMBER, g=NUMBER, b=NUMBER, a=NUMBER)
 TRIANGLES = objects(
     pose=objects(position=VECTOR, orientation=TURN), points=lists(VECTOR), color=COLOR,
-    indices=lists(WHOLE),
+    colors=lists(COLOR), indices=lists(WHOLE),
 )  # fmt: skip
+# what an entity has beside triangles, which viewers may expect as empty lists
+OTHERS = ("metadata", "arrows", "cubes", "spheres", "cylinders", "lines", "texts", "models")
 ENTITY = objects(
     timestamp=TIME, frame_id=TEXT, id=TEXT, lifetime={**TIME, "title": "duration"},
     frame_locked={"type": "boolean"}, triangles=lists(TRIANGLES),
+    **{name: lists({"type": "object"}) for name in OTHERS},
 )  # fmt: skip
 FRAME = objects(
     timestamp=TIME, parent_frame_id=TEXT, child_frame_id=TEXT, translation=VECTOR, rotation=TURN
 )
 SCHEMAS = {
     OF_FRAMES: objects(transforms=lists(FRAME)),
-    OF_SCENE: objects(entities=lists(ENTITY)),
-    OF_EVENTS: objects(timestamp=TIME, level=WHOLE, message=TEXT, name=TEXT),
+    OF_SCENE: objects(deletions=lists({"type": "object"}), entities=lists(ENTITY)),
+    OF_EVENTS: objects(timestamp=TIME, level=WHOLE, message=TEXT, name=TEXT, file=TEXT, line=WHOLE),
 }
 
 
@@ -134,6 +137,7 @@ def mcap_of(run: Any) -> bytes:
     for event in run.events:
         now = _ns(event.t)
         line = {"timestamp": _stamp(now), "level": INFO, "message": str(event), "name": "pgraph"}
+        line |= {"file": "", "line": 0}
         topics.tell("/events", OF_EVENTS, line, now)
     told = {"status": run.status.name, "message": run.message, "notices": "\n".join(run.notices)}
     told |= {"model": run.mechanism.model.name, "accuracy": run.accuracy}
@@ -244,14 +248,15 @@ def _scene(run: Any) -> Json:
                         "orientation": {"w": 1.0, **dict.fromkeys("xyz", 0.0)},
                     },
                     "points": [dict(zip("xyz", point)) for point in solid.vertices.tolist()],
-                    "color": dict(zip("rgba", solid.color)),
+                    "color": dict(zip("rgba", solid.color)), "colors": [],
                     "indices": solid.faces.ravel().tolist(),
                 }
             ],
+            **{name: [] for name in OTHERS},
         }
         for k, solid in enumerate(solids_of(run))
     ]  # fmt: skip
-    return {"entities": entities}
+    return {"deletions": [], "entities": entities}
 
 
 def _world(run: Any) -> str:

@@ -112,6 +112,25 @@ def test_messages_fit_their_schemas():
             check(schemas[topic][1], row, topic)
 
 
+def test_messages_have_all_fields_of_the_schemas_of_foxglove():
+    """As in the JSON schemas of foxglove.FrameTransforms, SceneUpdate and Log."""
+    messages, _ = topics()
+    (_, tf), (_, scene), (_, line) = (messages[x][0] for x in ("/tf", "/scene", "/events"))
+    assert set(tf) == {"transforms"}
+    frame = {"timestamp", "parent_frame_id", "child_frame_id", "translation", "rotation"}
+    assert set(tf["transforms"][0]) == frame
+    assert set(tf["transforms"][0]["rotation"]) == set("xyzw")
+    assert set(scene) == {"deletions", "entities"}
+    entity = {"timestamp", "frame_id", "id", "lifetime", "frame_locked", "metadata", "arrows"}
+    entity |= {"cubes", "spheres", "cylinders", "lines", "triangles", "texts", "models"}
+    assert set(scene["entities"][0]) == entity
+    drawn = scene["entities"][0]["triangles"][0]
+    assert set(drawn) == {"pose", "points", "color", "colors", "indices"}
+    assert set(drawn["pose"]) == {"position", "orientation"}
+    assert set(line) == {"timestamp", "level", "message", "name", "file", "line"}
+    assert set(line["timestamp"]) == {"sec", "nsec"}
+
+
 def test_a_rerun_file_has_poses_shapes_columns_and_events(tmp_path):
     run = bouncing()
     run.save(tmp_path / "run.rrd")
