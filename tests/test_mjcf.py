@@ -165,6 +165,25 @@ def test_outputs_equal_the_sensors_of_mujoco(tmp_path):
     assert not differences(model, again)
 
 
+def test_imus_of_random_motions_equal_those_of_mujoco(tmp_path):
+    sites = ("imu", "hand", "s")
+    sensors = [
+        f'<{k} name="{k} {s}" site="{s}"/>' for k in ("gyro", "accelerometer") for s in sites
+    ]
+    model, _ = read(tmp_path, SENSED.format("".join(sensors)))
+    mech, rng = pg.Mechanism(model), np.random.default_rng(65)
+    m, data = compiled(tmp_path)
+    for _ in range(20):
+        q, v, qpos, qvel, _ = start_of(mech, m, rng)
+        data.qpos[:], data.qvel[:], data.ctrl[0] = qpos, qvel, rng.normal()
+        mujoco.mj_forward(m, data)
+        stepper = pg.Stepper(mech, q=q, v=v, inputs={"m": data.ctrl[0]}, method="rk4")
+        for k in ("gyro", "accelerometer"):
+            for s in sites:
+                off = np.ravel(stepper.outputs[f"{k} {s}"]) - data.sensor(f"{k} {s}").data
+                assert np.abs(off).max() < 1e-9, (k, s)
+
+
 def test_names_that_meet_and_ends_that_are_one_are_written(tmp_path):
     bodies = [pg.Body(name="a", joint="universal", **BALLED),
               pg.Body(name="a 2", parent="a", link=(1, 0, 0), mass=1, inertia=np.eye(3)),

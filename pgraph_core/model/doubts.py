@@ -271,7 +271,7 @@ def _exact(model: Any) -> Iterator[str]:
         for name in sorted(named_in(part, "out") & imperfect):
             yield (
                 f"{part.word()} '{part.name}' reads the exact value of output '{name}': its noise "
-                "and delay are in run.measured alone"
+                "and delay are in run.measured alone, which a loop of pg.Stepper reads"
             )
 
 
