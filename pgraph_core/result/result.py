@@ -258,11 +258,12 @@ class Result(Exports, Measuring, Pressing, EqualByFields, Portable):
         return f"{text}>" if self.status.ok else f"{text};\n {self.message}>"
 
     def __str__(self) -> str:
-        """Return the repr, followed by one line per notice."""
+        """Return the repr, a line per notice, and the reason if there is no estimate."""
         left = [text for text in self.notices if self.status.ok or text not in self.message]
-        if self.status.ok and np.isnan(self.error_estimate):  # the message has the reason
-            left += self.message.split("; ", 1)[1:]
-        return "\n".join((repr(self), *(f"  notice: {text}" for text in left)))
+        lines = [f"notice: {text}" for text in left]
+        if self.status.ok and np.isnan(self.error_estimate):
+            lines += self.message.split("; ", 1)[1:]
+        return "\n  ".join((repr(self), *lines))
 
     @property
     def success(self) -> bool:
