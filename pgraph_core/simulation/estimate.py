@@ -30,7 +30,6 @@ from .finer import (
     no_wider,
     offset_plan,
     shared,
-    speeds_apart,
     undecided,
 )
 from .recorded import Estimate
@@ -103,7 +102,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
                 forces = np.maximum(forces, forces_apart(record, third, n))
     error = off[:, 1:].copy()
     np.maximum(off[:, 0], off[:, 1], out=error[:, 0])
-    better = more_accurate(record.plan)
+    better = ""
     if tables is not None:
         left = _left_open(record, tables, n)
         if left[0] > error[:, 0].max():
@@ -132,7 +131,7 @@ def _estimated(record: Recording, plan: RunPlan) -> Estimate:
     if touched and not told:
         told = unsure_forces(record, plan.times, forces)
     elif not told:
-        told = unsure_speeds(record, plan.times, speeds_apart(record, finer, n), size)
+        told = unsure_speeds(record, finer, plan.times, shared(record, finer, n), size)
     if record.plan.method.implicit:
         told += passed_over(record, float(error[-1, 0]))
     return Estimate(error, forces, told)
@@ -177,10 +176,11 @@ def _notices(
 ) -> tuple[str, ...]:
     """Return messages about errors (n, 1 + nx) that are large or unknown before the end of the run.
 
-    `better` makes that of the motion smaller. Control states that do not affect any force are
-    checked separately.
+    `better` makes that of the motion smaller, if it is not smaller steps. Control states that do
+    not affect any force are checked separately.
     """
-    found = _told(t, error[:, 0], sizes[0], ("the error", " rad or m", "the motion"), better)
+    words = "the error", " rad or m", "the motion"
+    found = _told(record, t, error[:, 0], sizes[0], words, better)
     if found and (tables := record.plan.contacts) is not None:
         soft = tables.laws["law"] == SOFT
         if (tables.laws["friction"][soft] > 0.0).any():
@@ -190,18 +190,17 @@ def _notices(
         what = f"control '{control.name}': the error of its state x.{control.name}[{k + 1}]"
         same = np.array_equal(np.isfinite(own), np.isfinite(error[:, 0]))
         until = np.isfinite(own) if same else slice(None)  # not covered by the notice on the motion
-        found += _told(
-            t[until], own[until], size, (what, "", "its range"), more_accurate(record.plan)
-        )
+        found += _told(record, t[until], own[until], size, (what, "", "its range"))
     return tuple(found)
 
 
 def _told(
-    t: Array, error: Array, size: float, words: tuple[str, str, str], better: str
-) -> list[str]:
+    record: Recording, t: Array, error: Array, size: float, words: tuple[str, str, str],
+    better: str = "",
+) -> list[str]:  # fmt: skip
     """Return a message about an error (n,) that is large or unknown before the end of the run.
 
-    `better` makes it smaller.
+    `better` makes it smaller, if it is not smaller steps.
     """
     known, (what, unit, whole) = int(np.isfinite(error).sum()), words
     if known < len(t):
@@ -213,15 +212,16 @@ def _told(
         )
         return [
             f"{what} is not known from t = {t[known]:.{digits}g} s on, where a finer run "
-            f"diverges{until}. This time can be extended by {better}, but is always limited for "
-            "chaotic motion"
+            f"diverges{until}. This time can be extended by "
+            f"{better or more_accurate(record.plan)}, but is always limited for chaotic motion"
         ]
     if len(t) < 2 or error[-1] <= VISIBLE * size:
         return []
     first = t[int((error > VISIBLE * size).argmax())]
     return [
         f"{what} is about {error[-1]:.2g}{unit}, {percent(error[-1] / size)} of {whole}, and "
-        f"above 1 % from t = {first:.{_digits(t)}g} s on; use {better}"
+        f"above 1 % from t = {first:.{_digits(t)}g} s on; use "
+        f"{better or more_accurate(record.plan)}"
     ]
 
 

@@ -169,17 +169,6 @@ def apart(record: Recording, finer: Recording, n: int) -> Array:
     return off[np.minimum(np.searchsorted(i, np.arange(n)), len(i) - 1)]
 
 
-def speeds_apart(record: Recording, finer: Recording, n: int) -> Array:
-    """Find the largest differences of angular and of linear speeds between two runs (n, 2), at n
-    times of the first [rad/s, m/s].
-    """
-    i, j = shared(record, finer, n)
-    off = np.abs(record.out.v[i, : record.mech.nv] - finer.out.v[j, : record.mech.nv])
-    slides = record.mech.packed.slides
-    both = np.stack([off[:, way].max(axis=1, initial=0.0) for way in (~slides, slides)], axis=1)
-    return both[np.minimum(np.searchsorted(i, np.arange(n)), len(i) - 1)]
-
-
 def forces_apart(record: Recording, finer: Recording, n: int) -> Array:
     """Find the largest difference (n,) of contact and limit forces between two runs [N, N m], at n
     times of the first.

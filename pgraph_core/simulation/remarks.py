@@ -535,19 +535,25 @@ def unsure_forces(record: Running, t: Array, error: Array) -> tuple[str, ...]:
     )
 
 
-def unsure_speeds(record: Running, t: Array, error: Array, size: float) -> tuple[str, ...]:
-    """Return a message about errors (n, 2) of angular and linear speeds that are a notable part of
-    the largest speed, and of what moves through the `size` of the motion during the run.
+def unsure_speeds(
+    record: Running, finer: Running, t: Array, common: tuple[Ints, Ints], size: float
+) -> tuple[str, ...]:
+    """Return a message about errors of angular or linear speeds that are a notable part of the
+    largest one, and of what moves through the `size` of the motion during the run.
+
+    They are the differences from the `finer` run, at the `common` frames of both among t (n,).
     """
-    slides = record.mech.packed.slides
-    for own, way, unit in zip(error.T, (~slides, slides), ("rad/s", "m/s")):
-        speeds = record.out.v[: len(t), : record.mech.nv][:, way]
-        peak, worst = float(np.abs(speeds).max(initial=0.0)), float(own.max(initial=0.0))
+    nv, n, slides, (i, j) = record.mech.nv, len(t), record.mech.packed.slides, common
+    speeds = np.abs(record.out.v[:n, :nv])
+    off = np.abs(record.out.v[i, :nv] - finer.out.v[j, :nv])
+    for way, unit in ((~slides, "rad/s"), (slides, "m/s")):
+        own, peak = off[:, way].max(axis=1, initial=0.0), float(speeds[:, way].max(initial=0.0))
+        worst = float(own.max(initial=0.0))
         if worst > NAMED * peak and worst * abs(t[-1] - t[0]) > VISIBLE * size:
             share = f"{percent(worst / peak)} of the largest" if peak else "while nothing moves"
             return (
                 f"the error of speeds is about {worst:.2g} {unit}, {share}, and above 10 % from "
-                f"t = {t[int((own > NAMED * peak).argmax())]:.4g} s on; use "
+                f"t = {t[i[int((own > NAMED * peak).argmax())]]:.4g} s on; use "
                 f"{more_accurate(record.plan)}",
             )
     return ()
