@@ -184,6 +184,22 @@ def test_imus_of_random_motions_equal_those_of_mujoco(tmp_path):
                 assert np.abs(off).max() < 1e-9, (k, s)
 
 
+def test_noise_cutoff_and_delay_of_sensors_become_imperfections(tmp_path):
+    imu = 'site="imu" noise=".2" cutoff="3" interval=".01" nsample="4" delay=".004"'
+    sensors = f'<gyro name="g" {imu}/><velocimeter name="v" site="imu" noise=".2" cutoff="3"/>'
+    sensors += '<framequat name="r" objtype="site" objname="imu" noise=".2" interval=".01"/>'
+    model, report = read(tmp_path, SENSED.format(sensors))
+    outputs = {o.name: o.imperfect for o in model.outputs}
+    wanted = pg.Imperfect(sample=0.01, latency=0.004, density=0.2 * 0.1, low=-3, high=3)
+    assert outputs["g"].density == pytest.approx(wanted.density, rel=1e-12)
+    assert outputs["g"].model_copy(update={"density": wanted.density}) == wanted
+    assert outputs["v"] is None
+    assert outputs["r"] is None
+    text = texts(report, "left out")
+    for word in ("cutoff", "noise", "interval"):
+        assert word in text
+
+
 def test_names_that_meet_and_ends_that_are_one_are_written(tmp_path):
     bodies = [pg.Body(name="a", joint="universal", **BALLED),
               pg.Body(name="a 2", parent="a", link=(1, 0, 0), mass=1, inertia=np.eye(3)),

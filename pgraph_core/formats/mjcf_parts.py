@@ -12,6 +12,7 @@ from ..model import (
     Constraint,
     Coupling,
     Gear,
+    Imperfect,
     Motion,
     Output,
     Polynomial,
@@ -28,6 +29,7 @@ from .mjcf_forces import TENDON, Forces, Sums
 Array = np.ndarray
 CONNECT, WELD, JOINT = 0, 1, 2  # mjtEq
 INERTIAL, BODIES, GEOMS, SITES, CAMERAS = 1, 2, 5, 6, 7  # mjtObj: body, xbody, geom, site, camera
+REAL = 0  # mjtDataType: values of both signs
 SENSORS: dict[str, Kind] = {  # kind of output for each sensor of MuJoCo
     "jointpos": "joint_position", "jointvel": "joint_velocity", "framepos": "position",
     "framequat": "rotation", "framelinvel": "velocity", "frameangvel": "angular_velocity",
@@ -175,25 +177,43 @@ class Parts(Forces):
             name = m.sensor(k).name
             name = f"{word} {k + 1}" if name_problem(name) else name
             name = unused(name, found)
-            why = "delayed" if k in m.set_in("sensor_delay") else ""
+            sampled = k in m.set_in("sensor_interval") and SENSORS.get(word) != "rotation"
+            why = "delayed" if k in m.set_in("sensor_delay") and not sampled else ""
             why = why or "seen from another frame" * bool(m.sensor_refid[k] >= 0)
             if word not in SENSORS or why:
                 others.setdefault((word, why), []).append(shown(name))
                 continue
             fields = self._sensed(k, word, name, sites)
+            if sampled:
+                fields["imperfect"] = self._imperfect(k)
+            elif lost := self._lost(k):
+                text = f"its {choices(lost)}: samples need an interval, and no rotation has them"
+                self.reader.left_out("sensor", name, text, acts=False)
             found[name] = Output(name=name, kind=SENSORS[word], **fields)
             if SENSORS[word] in OF_CONTACT:
                 text = "it reads the size of the sum of all contact forces on its body, with "
                 text += "friction, whereas MuJoCo adds the normal forces within the site"
                 where = self.reader.where("sensor", name)
                 self.report.add("approximated", where, text, acts=True, part=name)
-            if m.sensor_cutoff[k] > 0:
-                text = "its cutoff: it reads all values"
-                self.reader.left_out("sensor", name, text, acts=False)
         for (word, why), names in others.items():
             text = f"of kind {word}{', ' * bool(why)}{why}: {choices(names, 6)}"
             self.reader.left_out("sensor", "", text, acts=False)
         return list(found.values())
+
+    def _imperfect(self, k: int) -> Imperfect:
+        """Return the imperfections of a sensor with an interval: its delay, noise and cutoff."""
+        m, limit = self.m, float(self.m.sensor_cutoff[k])
+        sample, high = float(m.sensor_interval[k, 0]), limit if limit > 0.0 else None
+        both = high is not None and m.sensor_datatype[k] == REAL
+        return Imperfect(
+            sample=sample, latency=float(m.sensor_delay[k]), low=-limit if both else None,
+            high=high, density=float(m.sensor_noise[k]) * sample**0.5,
+        )  # fmt: skip
+
+    def _lost(self, k: int) -> list[str]:
+        """Return which properties a sensor has that need samples."""
+        each = ("cutoff", "noise", "interval")
+        return [name for name in each if k in self.m.set_in(f"sensor_{name}")]
 
     def _sensed(self, k: int, word: str, name: str, sites: list[Site]) -> dict[str, Any]:
         """Return the object of a sensor: a coordinate, a body, or a site, possibly new."""
