@@ -20,6 +20,7 @@ from ..model.beam import AUTO, MOST_SEGMENTS
 from ..model.segments import Counts, refined, segment
 from ..packing import Array
 from ..result import Result
+from ..result.records import Status
 from ..tolerances import VISIBLE
 
 Run = Callable[..., Result]
@@ -42,6 +43,8 @@ def with_space_error(
     mech = run.mechanism
     counts, factor = refined(mech.model.segments)
     other = divided(mech.model.described, counts)
+    if run.status is Status.STOPPED and len(run.t) > 1:  # the second run has no such event
+        call = {**call, "t_end": float(run.t[-1]), "t_eval": run.t, "frames": None}
     beside = repeated(mech, other, simulate, call)
     if isinstance(beside, str):
         return run.with_space_error(None, (*said, f"the error in space is not known: {beside}"))

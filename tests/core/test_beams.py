@@ -327,3 +327,18 @@ def test_a_beam_that_next_to_nothing_holds_against_twist_is_named_with_the_remed
     found = [text for text in pg.Model(beams=[rod]).doubts if "GJ" in text]
     assert len(found) == doubted
     assert all("rod" in text and "1e-05" in text and "strains" in text for text in found)
+
+
+def test_the_error_in_space_is_known_in_the_frame_where_an_event_stops_both_runs():
+    hub = pg.Body(name="hub", joint="revolute", axes=[[0, 1, 0]], mass=0.1, inertia=[1e-3] * 3)
+    rod = planar(8, parent="hub", damping_ratio=0.1)
+    model = pg.Model(bodies=[hub], beams=[rod])
+
+    def low(t, q, v):
+        return q[0] - 0.3
+
+    low.terminal = True
+    run = pg.simulate(model, t_end=2.0, events=low, frames=41)
+    assert run.status.name == "STOPPED"
+    assert np.isfinite(run.space_error_at).all()
+    assert 0 < run.space_error < 0.1 * rod.extent
