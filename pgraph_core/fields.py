@@ -789,7 +789,6 @@ class OfSums(OfKinds):
 
     if TYPE_CHECKING:
         name: str
-        name: str
         body: str
         coefficients: dict[str, PerMotion]
 
