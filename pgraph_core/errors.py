@@ -5,20 +5,17 @@ from __future__ import annotations
 import collections.abc
 import inspect
 import math
-import os
 import re
 import struct
-import types
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, wraps
 from importlib import import_module
-from numbers import Integral, Real
-from pathlib import Path
 from typing import Any, TypeVar
 
 from . import hooks, words
+from .annotations import fits
 
 Called = TypeVar("Called", bound=Callable[..., Any])
 
@@ -508,7 +505,7 @@ def _misfits(
         except Exception:
             continue  # a name that only type checkers import
         for x in _each(value, form):
-            if not _fits(x, kind):
+            if not fits(x, kind):
                 hint = to_read(x) if "Model" in str(wanted) else example_of(function)
                 hint = hint or f"; it takes ({', '.join(parameters)})" * (len(parameters) > 1)
                 said = type_of(function, name) or wanted
@@ -542,60 +539,3 @@ def _each(value: Any, form: Any) -> Iterable[Any]:
     if form is inspect.Parameter.VAR_POSITIONAL:
         return value
     return value.values() if form is inspect.Parameter.VAR_KEYWORD else (value,)
-
-
-def _fits(value: Any, wanted: Any) -> bool:
-    """Check whether a value matches an annotation, as far as this can be checked."""
-    origin, inner = typing.get_origin(wanted), typing.get_args(wanted)
-    if wanted is Any:
-        return True
-    if origin in (typing.Union, types.UnionType):
-        return any(_fits(value, each) for each in inner)
-    if origin is typing.Annotated:
-        return _fits(value, inner[0])
-    if origin is typing.Literal:
-        return isinstance(value, str) and value in inner
-    if wanted is None or wanted is type(None):
-        return value is None
-    if wanted is bool:
-        return isinstance(value, bool) or type(value).__name__ == "bool"
-    if wanted in (int, float):
-        number = isinstance(value, Integral if wanted is int else Real)
-        return number and not isinstance(value, bool) and math.isfinite(value)
-    if wanted is Path:
-        return isinstance(value, os.PathLike)
-    kind = origin or wanted
-    if not isinstance(kind, type):
-        return True
-    if kind.__name__ == "ndarray":
-        return _numeric(value)
-    if kind is collections.abc.Callable:
-        return callable(value)
-    if issubclass(kind, (tuple, collections.abc.Iterable)) and origin is not None:
-        return _fits_inside(value, kind, inner)
-    return isinstance(value, kind)
-
-
-def _fits_inside(value: Any, kind: type, inner: tuple[Any, ...]) -> bool:
-    """Check whether a container and its values match an annotation."""
-    if issubclass(kind, collections.abc.Mapping):
-        if not isinstance(value, collections.abc.Mapping):
-            return False
-        key, held = inner
-        return all(_fits(k, key) and _fits(x, held) for k, x in value.items())
-    value = value.tolist() if hasattr(value, "tolist") else value
-    if isinstance(value, (str, bytes, collections.abc.Mapping)):
-        return False
-    whole = kind is not tuple or inner[1:] == (...,)
-    if not isinstance(value, (list, tuple)) or not whole:
-        return isinstance(value, collections.abc.Iterable)
-    return all(_fits(x, inner[0]) for x in value)
-
-
-def _numeric(value: Any) -> bool:
-    import numpy as np
-
-    try:
-        return np.asarray(value).dtype.kind in "fiu" or np.size(value) == 0
-    except (TypeError, ValueError):
-        return False
