@@ -65,7 +65,7 @@ def fishing_rod(person: Person) -> None:
     person.type("sizes", "0.006 0.005")
     person.choose("material", "glass")
     person.type("end", "1.7 0 1.7")
-    person.type("damping_ratio", "0.02")
+    person.type("damping_ratio", "0.03")
     fish = person.heavy("0.5")
     model = person.served.store.state.model
     assert model.part(rod, "beam").parent == "hand"
