@@ -9,6 +9,8 @@ WRITERS = {
     "model.json": "model.save(path)",
     "run.npz": "run.save(path)",
     "run.csv": "run.save(path)",
+    "run.mcap": "run.save(path)",
+    "run.rrd": "run.save(path)",
     "run.html": "run.to_html(path)",
     "view.png": "model.to_image(path)",
     "digraph.svg": "model.to_image(path, what='digraph')",

@@ -22,6 +22,7 @@ KEPT = 512  # trees of the last texts
 # coordinates, velocities, outputs, controls, inputs of drives and the torques that they give,
 # forces of contacts and constraints
 GROUPS = ("q", "v", "out", "x", "u", "f", "force")
+SAMPLED = "y"  # the usual word for samples of sensors, which only programs read
 
 _DECIMAL = r"(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d[\d_]*)?"
 TOKEN = re.compile(
@@ -120,8 +121,13 @@ class _Reader:
             return ""
         if self.next.kind == "number":
             return f'; a name that begins with a digit is written as in q["{self.next.text[1:]}"]'
-        module, name = self.tokens[self.k - 1].text, self.tokens[self.k + 1].text
-        return f"; write {name}, without {module}." if name in RESERVED else ""
+        (kind, module, _), name = self.tokens[self.k - 1], self.tokens[self.k + 1].text
+        if name in RESERVED:
+            return f"; write {name}, without {module}."
+        if module == SAMPLED:
+            text = f"; expressions do not read samples of sensors: write out.{name} for its exact"
+            return f"{text} value, or read run.measured in a loop of pg.Stepper"
+        return f"; before a dot stands one of {', '.join(GROUPS)}" if kind == "name" else ""
 
     def made(self, op: str, args: tuple[Node, ...], at: _Token) -> Node:
         depth = 1 + max(x.depth for x in args)
