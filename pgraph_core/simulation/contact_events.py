@@ -65,18 +65,16 @@ class ContactEvents:
         self._in_turn = False  # whether an impact has followed another one at the same time
         self._fell = set[int]()  # open points that would penetrate, of the event being settled
         self._contradictions = 0  # events after which no phases were consistent
-        self._resting = np.zeros(
-            len(plan.contact_points), dtype=bool
-        )  # no normal velocity at this event
+        # points without normal velocity at this event
+        self._resting = np.zeros(len(plan.contact_points), dtype=bool)
         self._vdot, self._flow = np.zeros(len(steps.v)), np.zeros(3)
 
     # -- the run -------------------------------------------------------------------------------
 
     def begin(self, t: float) -> None:
         """Set the phases for the initial state and the velocity scales."""
-        self.scene.space.vectors[FACTORED, FACTORS.known] = (
-            0.0  # factors of other blocks are not ours
-        )
+        # The factors of other blocks are not those of contacts.
+        self.scene.space.vectors[FACTORED, FACTORS.known] = 0.0
         f = self.scene.points
         gravity = float(np.linalg.norm(self.mech.model.gravity))
         self._observe(t)

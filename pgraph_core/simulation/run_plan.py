@@ -59,9 +59,8 @@ class Way:
     project: bool = False
     gains: Array = field(default_factory=lambda: NO_GAINS)  # (2,) of Baumgarte
     changes: tuple[Change, ...] = ()  # constraints that are switched on and off
-    samples: Array = field(
-        default_factory=lambda: NO_TIMES
-    )  # times of a held function, with the start
+    # times of a held function, with the start
+    samples: Array = field(default_factory=lambda: NO_TIMES)
     corners: Array = field(default_factory=lambda: NO_TIMES)  # at which steps end [s]
     kinks: tuple[Kink, ...] = ()  # corners of prescribed motions
     parts: int = 1  # divisions of intervals shorter than a fixed step, more in a finer run
