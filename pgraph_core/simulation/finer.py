@@ -28,6 +28,7 @@ from ..engine.stepping.widths import GOLDEN
 from ..model.expressions import expressions_of
 from ..packing import Array, Ints
 from ..tolerances import EPS, SOLVED
+from .event_record import pushes
 from .failures import readers
 from .means import means_between
 from .options import MOST_CHOSEN, Tolerance
@@ -179,7 +180,7 @@ def forces_apart(record: Recording, finer: Recording, n: int) -> Array:
     off = _means_apart(record, finer, i, j)
     if record.events is not None or finer.events is not None:  # one may have touched nothing
         given = (record.events, i), (finer.events, j)
-        found = [0.0 if events is None else events.pushes(rows) for events, rows in given]
+        found = [0.0 if events is None else pushes(events.scene, rows) for events, rows in given]
         off = np.maximum(off, np.linalg.norm(found[0] - found[1], axis=2).max(axis=1))
     return off[np.minimum(np.searchsorted(i, np.arange(n)), len(i) - 1)]
 

@@ -98,7 +98,9 @@ def result_of(record: Recording, estimate: Estimate, timing: dict[str, float]) -
 
         counters |= contact_counters(record.scene)
     if record.events is not None:
-        contacts = record.events.record(contacts, (q, v, vdot), rows)
+        from . import event_record
+
+        contacts = event_record.record(record.events, contacts, (q, v, vdot), rows)
         counters |= record.events.tally
         timing["events"] = record.events.seconds
     result = Result(

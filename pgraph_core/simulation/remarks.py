@@ -23,6 +23,7 @@ from ..packing import Array, Ints, joint_coordinates, row_of_velocity
 from ..packing.forces import acting_on
 from ..packing.signals import limits_of
 from ..tolerances import EPS, NAMED, NOTABLE, ROUNDING, SOLVED, VISIBLE
+from .event_record import pushes
 from .rates import fastest_rate, fastest_swings
 from .remedies import more_accurate
 from .run_plan import RunPlan
@@ -519,7 +520,7 @@ def unsure_forces(record: Running, t: Array, error: Array) -> tuple[str, ...]:
     their peak, and more than the rounding of gaps."""
     peak = float(np.abs(record.out.pairs["mean_force"][: len(t)]).max(initial=0.0))
     if record.events is not None:
-        peak = max(peak, float(np.abs(record.events.pushes(slice(len(t)))).max(initial=0.0)))
+        peak = max(peak, float(np.abs(pushes(record.events.scene, slice(len(t)))).max(initial=0.0)))
     worst = float(error.max(initial=0.0))
     if not worst > max(NAMED * peak, _of_rounding(record)):
         return ()

@@ -20,7 +20,7 @@ AREAS = {  # number of mutants out of 200, and files
     "constraints": (25, "engine/constraints/*.py", "packing/constraints.py"),
     "contact": (35, "engine/contact/*.py"),
     "integration": (30, "engine/stepping/*.py", *(f"simulation/{name}.py" for name in (
-        "estimate", "contact_events", "loop", "switches", "walk"))),
+        "estimate", "contact_events", "event_record", "loop", "switches", "walk"))),
     "formats": (25, "formats/*.py", "model/files.py"),
     "model": (25, "model/*.py"),
     "page": (25, "../app/*/update.py", "../app/core/edit.py"),
