@@ -1,4 +1,4 @@
-"""Whether a value matches the annotation of a parameter."""
+"""Checks of values against the annotations of parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run with events records of its contact points and limits."""
+"""Records of the contact points and limits of runs with events."""
 
 from __future__ import annotations
 
