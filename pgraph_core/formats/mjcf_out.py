@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -403,10 +404,13 @@ class _Writer(ForcesOut):
                 body = next((s.body for s in found if s.name == o.at), o.at)
                 self.of_subtrees.append((tag, body))
             elif o.kind in OF_CONTACT:
-                body = self.model.body(next((s.body for s in found if s.name == o.at), o.at))
-                name = self._site(body.name, end_name(o.name, 1), (0.0,) * 3)
-                ends = [np.linalg.norm(corners_of(shape), axis=1).max() for shape in body.shapes]
-                self.sites[body.name][-1].set(size=2.0 * max(ends, default=1.0), group="5")
+                site = next((s for s in found if s.name == o.at), None)
+                body, away = (o.at, 0.0) if site is None else (site.body, math.hypot(*site.point))
+                name = o.at if o.at in sites else self._site(body, end_name(o.name, 1), (0.0,) * 3)
+                shapes = self.model.body(body).shapes
+                ends = [np.linalg.norm(corners_of(shape), axis=1).max() for shape in shapes]
+                sphere = next(x for x in self.sites[body] if x.attributes["name"] == name)
+                sphere.set(size=2.0 * (max(ends, default=1.0) + away), group="5")
                 tag.set(site=name)
             else:
                 name = o.at if o.at in sites else self._site(o.at, end_name(o.name, 1), (0.0,) * 3)
