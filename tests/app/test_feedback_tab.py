@@ -192,7 +192,11 @@ def test_an_answer_that_is_too_late_is_not_shown():
     ("gains", "how", "setpoint"),
     combined(
         [(4, 8, 0, 1), (1, 20, 0, 0.5), (6, 1, 2, 3), (0, 5, 3, 1)],
-        [{}, {"method": "dopri5", "step": None, "rtol": 1e-9}, {"method": "rk4", "step": 2e-3}],
+        [
+            {"rtol": 1e-11},
+            {"method": "dopri5", "step": None, "rtol": 1e-9},
+            {"method": "rk4", "step": 2e-3},
+        ],
         [0.0, -5.0, "=sin(3*t)"],
     ),
 )
