@@ -6,6 +6,8 @@ from collections.abc import Iterable, Sequence
 from itertools import groupby
 from typing import Any
 
+import numpy as np
+
 import pgraph_core as pg
 from pgraph_core.forces import BetweenPoints, Driven, OnJoint
 from pgraph_core.joints import slides
@@ -69,6 +71,7 @@ USUAL = (
 )  # fmt: skip
 OVER_TIME = "over time: 0 0; 1 0.5 is 0 at 0 s, 0.5 at 1 s; or an expression after ="
 MOST_NAMED = 4  # bodies of a new cable that its banner names
+OF_SIX = ("x", "y", "z", "about x", "about y", "about z")  # entries of a 6 by 6 matrix
 FUNCTIONS = {  # notes on the text of each kind of curve
     **{
         kind: f"x value; x value; ... [{{}}] [{{}}], or with units: 0 0; 90deg 12mm; {text}"
@@ -403,12 +406,22 @@ def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, 
     unit = display.unit(of) if unit in ("length", "angle") else unit
     if typed_as(item, name)[0] == "vector":
         found = value if value is not None else (None, None, None)
+        if isinstance(found[0], tuple):
+            return _matrix(name, found, shows, unit)
         row = [cell((i,), shown(x, of, display), implied=implied) for i, x in enumerate(found)]
         pick = "" if len(row) == 4 else "axis" if name.endswith("axis") else "point"
         return field(name, shows.label, components(row), unit=unit, help=shows.help, pick=pick)
     one = cell((), shown(value, of, display), implied=implied)
     takes = varies(item, name)
     return field(name, shows.label, [one], unit=unit, help=shows.help, expression=takes)
+
+
+def _matrix(name: str, rows: Any, shows: Any, unit: str) -> Payload:
+    """Return the diagonal of a matrix of displacements along x, y, z and turns about them."""
+    row = [cell((i, i), rows[i][i], mark) for i, mark in enumerate(OF_SIX)]
+    coupled = np.count_nonzero(np.array(rows)[~np.eye(len(rows), dtype=bool)])
+    note = f"{coupled} numbers off the diagonal keep their values" if coupled else ""
+    return field(name, shows.label, row, unit=unit, help=shows.help, columns=3, note=note)
 
 
 def _unit(model: pg.Model, item: Any, given: str) -> str:
