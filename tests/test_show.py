@@ -195,3 +195,22 @@ def test_bodies_that_leave_a_plane_are_seen_from_the_usual_side():
     model = model.edit("b", axes=[(0, 1, 0)])
     way = stage.start("z", model.bodies, np.array([np.eye(3)] * 2))
     np.testing.assert_array_equal(way, stage.towards("z", "start"))
+
+
+def test_another_run_is_drawn_beside_one_and_is_in_view(tmp_path):
+    from pgraph_core.show import pictures
+
+    arm = pg.Model.serial(2)
+    far = pg.simulate(arm.edit("1", link=(0, 0, 9)), t_end=0.1)
+    run, size = pg.simulate(arm, t_end=0.1), (96, 64)
+    ghost, pose = pictures.Ghost(far, 0.05), run.body_pose[0]
+    for also in (ghost.corners, pictures.NO_POINTS):
+        drawing = pictures.Drawing(arm, pose[None], size, also=also)
+        x, y, _ = drawing.on_screen(ghost.corners, pose).T
+        inside = (x >= 0) & (x <= size[0]) & (y >= 0) & (y <= size[1])
+        assert inside.all() == bool(len(also))
+    plain, both = (pictures.moment(run, "a.png", other=x, size=size) for x in (None, far))
+    assert plain != both
+    run.to_film(tmp_path / "a.gif", size=size, fps=10, beside=far)
+    with pytest.raises(pg.InputError, match=r"beside.*must be a run, got 3"):
+        run.to_image(tmp_path / "a.png", beside=3)

@@ -139,7 +139,7 @@ class Exports:
 
     def to_image(
         self, path: str | Path, /, *, t: float | None = None, size: tuple[int, int] = (1280, 720),
-        view: str = "start", dark: bool = False,
+        view: str = "start", dark: bool = False, beside: Self | None = None,
     ) -> None:  # fmt: skip
         """Draw the mechanism in 3D at one instant of the run. No display is needed.
 
@@ -155,6 +155,8 @@ class Exports:
             Direction of the view.
         dark : bool
             Whether the background is dark.
+        beside : Result, optional
+            Another run, of any model, whose bodies are drawn in grey at the same time.
 
         Raises
         ------
@@ -163,12 +165,13 @@ class Exports:
         """
         from ..show import pictures  # with its kernels
 
-        write_atomic(path, pictures.moment(self, path, t, size=size, view=view, dark=dark))
+        look = {"size": size, "view": view, "dark": dark}
+        write_atomic(path, pictures.moment(self, path, t, other=beside, **look))
 
     def to_film(
         self, path: str | Path, /, *, size: tuple[int, int] = (960, 540), fps: float = 30,
         speed: float = 1.0, view: str = "start", dark: bool = False,
-        progress: Callable[[float], Any] | None = None,
+        progress: Callable[[float], Any] | None = None, beside: Self | None = None,
     ) -> None:  # fmt: skip
         """Write a video of the run.
 
@@ -189,6 +192,8 @@ class Exports:
         progress : callable, optional
             Function of the completed fraction, called after each frame. Nothing is written if it
             returns False.
+        beside : Result, optional
+            Another run, of any model, whose bodies are drawn in grey at the same times.
 
         Raises
         ------
@@ -200,7 +205,7 @@ class Exports:
         options = {"size": size, "fps": fps, "speed": speed, "view": view, "dark": dark}
         from ..show import pictures
 
-        made = pictures.film(self, path, **options, progress=progress)
+        made = pictures.film(self, path, **options, progress=progress, other=beside)
         if made is not None:
             write_atomic(path, made)
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import FileError, InputError, Problem, choices, needed
+from ..errors import FileError, InputError, Problem, choices, needed, shown
 from ..numbering import children_of
 from . import shapes, stage
 from .bodies import Track, looks
@@ -56,20 +56,47 @@ class Beside(NamedTuple):
 Extra = Callable[[float, np.ndarray], Beside] | None  # function of a time [s] and the poses (nb, 7)
 
 
+GHOST = (120, 128, 140), 0.45  # colour and opacity of the bodies of another run
+NO_POINTS = np.zeros((0, 3))
+
+
+class Ghost:
+    """The bodies of another run in grey, at the same time. They rest before its start and after its
+    end.
+    """
+
+    def __init__(self, run: Any, at: float | None = None):
+        """Keep the whole run, or its pose at one time [s]. Raises InputError."""
+        if not hasattr(run, "body_pose"):
+            raise InputError(Problem("picture", "beside", f"must be a run, got {shown(run)}"))
+        self._times, self._poses = np.asarray(run.t), np.asarray(run.body_pose)
+        poses = self._poses if at is None else self._pose(at)[None]
+        self._drawing = Drawing(run.mechanism.model, poses, (LEAST_PIXELS, LEAST_PIXELS))
+        self.corners = self._drawing.track.corners  # (m, 3) points that are seen [m]
+
+    def __call__(self, time: float, _: np.ndarray) -> Beside:
+        return self._drawing.faces(self._pose(time), *GHOST)
+
+    def _pose(self, time: float) -> np.ndarray:
+        held = float(np.clip(time, self._times[0], self._times[-1]))
+        return np.column_stack(between(self._times, self._poses, held))
+
+
 # -- pictures --------------------------------------------------------------------------------------
 
 
 def view(
     model: Any, pose: np.ndarray, path: str | Path, *,
     size: tuple[int, int] = (1280, 720), view: Any = "start", dark: bool = False,
-    beside: Beside | None = None,
+    beside: Beside | None = None, also: np.ndarray = NO_POINTS,
 ) -> bytes:  # fmt: skip
     """Return a picture of a model with bodies at `pose` (nb, 7), ordered by number.
 
-    Raises InputError, FileError.
+    The points `also` (m, 3) are in view too. Raises InputError, FileError.
     """
     _suffix(path, (".png",), "picture")
-    return png(Drawing(model, pose[None], size, view=view, dark=dark).draw(pose, beside))
+    drawing = Drawing(model, pose[None], size, view=view, dark=dark, also=also)
+    return png(drawing.draw(pose, beside))
 
 
 def digraph(model: Any, path: str | Path, *, size: tuple[int, int] | None = None) -> str:
@@ -95,17 +122,23 @@ def plot(
 
 
 def moment(
-    run: Any, path: str | Path, t: float | None = None, extra: Extra = None, **look: Any
-) -> bytes:
-    """Return a picture of a run at time t [s], by default at its start. Raises InputError."""
+    run: Any, path: str | Path, t: float | None = None, extra: Extra = None, other: Any = None,
+    **look: Any,
+) -> bytes:  # fmt: skip
+    """Return a picture of a run at time t [s], by default at its start, with another one in grey.
+
+    Raises InputError.
+    """
     times, poses = np.asarray(run.t), np.asarray(run.body_pose)
     t = float(times[0]) if t is None else t
     if not (isinstance(t, (int, float, np.integer, np.floating)) and times[0] <= t <= times[-1]):
         text = f"must be a time of the run, {times[0]:g} to {times[-1]:g} s, got {t!r}"
         raise InputError(Problem("to_image", "t", text))
     pose = np.column_stack(between(times, poses, t))
+    ghost = None if other is None else Ghost(other, t)
+    extra, also = (extra, NO_POINTS) if ghost is None else (ghost, ghost.corners)
     beside = None if extra is None else extra(t, pose)
-    return view(run.mechanism.model, pose, path, beside=beside, **look)
+    return view(run.mechanism.model, pose, path, beside=beside, also=also, **look)
 
 
 def png(pixels: np.ndarray) -> bytes:
@@ -129,11 +162,12 @@ def png(pixels: np.ndarray) -> bytes:
 def film(
     run: Any, path: str | Path, *, size: tuple[int, int] = (960, 540), fps: float = 30,
     speed: float = 1.0, view: Any = "start", dark: bool = False, progress: Progress = None,
-    extra: Extra = None,
+    extra: Extra = None, other: Any = None,
 ) -> bytes | None:  # fmt: skip
     """Return a video of a run, or None if `progress(fraction)` returns False after a frame.
 
-    `speed=0.5` plays at half speed. Raises InputError, FileError, MissingPackage.
+    `speed=0.5` plays at half speed. The `other` run is drawn in grey. Raises InputError, FileError,
+    MissingPackage.
     """
     suffix = _suffix(path, (".mp4", ".gif"), "film")
     for name, value, most in (("fps", fps, 240), ("speed", speed, 1000)):
@@ -152,7 +186,9 @@ def film(
         text = f"would have {count} frames of {width} x {height} pixels, too much for a GIF"
         raise InputError(Problem("to_film", "size", f"{text}: give a smaller size, or .mp4"))
     made = (_Gif if suffix == ".gif" else _Mp4)((width, height), fps)
-    drawing = Drawing(run.mechanism.model, poses, size, view=view, dark=dark)
+    ghost = None if other is None else Ghost(other)
+    extra, also = (extra, NO_POINTS) if ghost is None else (ghost, ghost.corners)
+    drawing = Drawing(run.mechanism.model, poses, size, view=view, dark=dark, also=also)
     for k in range(count):
         time = min(times[0] + k / fps * speed, times[-1])
         pose = np.column_stack(between(times, poses, float(time)))
@@ -237,8 +273,10 @@ class Drawing:
     """A mechanism that can be drawn in any pose."""
 
     def __init__(self, model: Any, poses: np.ndarray, size: tuple[int, int], *,
-                 view: stage.Which = "start", dark: bool = False):  # fmt: skip
-        """Keep all `poses` (n, nb, 7) in view in a picture of `size` (width, height) pixels.
+                 view: stage.Which = "start", dark: bool = False,
+                 also: np.ndarray = NO_POINTS):  # fmt: skip
+        """Keep all `poses` (n, nb, 7) in view in a picture of `size` (width, height) pixels, and
+        the points `also` (m, 3).
 
         Raises InputError for invalid sizes and views.
         """
@@ -251,18 +289,19 @@ class Drawing:
         children, colors = children_of(parent), shapes.branch_colors(parent)
         self.looks = looks(bodies, children, colors)
         self._solids(self.looks)
-        self._track = Track(self.looks, poses, self.up)
-        self._reach = self._track.size
+        self.track = Track(self.looks, poses, self.up)
+        self._reach = self.track.size
         turns = shapes.to_matrix(poses[0, :, 3:])
         way = (
             stage.start(model.up, bodies, turns)
             if view == "start"
             else stage.towards(model.up, view)
         )
-        self._view = stage.fitted(self._track.corners, self.up, way, self.size[0] / self.size[1])
+        seen = np.concatenate((self.track.corners, also))
+        self._view = stage.fitted(seen, self.up, way, self.size[0] / self.size[1])
         self._right, self._above = stage.frame(self.up, way)
         self._way = way
-        flat = stage.towards(model.up, "start") * self._track.across
+        flat = stage.towards(model.up, "start") * self.track.across
         flat /= np.linalg.norm(flat)
         sunwards = np.array((np.cross(self.up, flat), flat, self.up)).T @ np.array(TILT)
         self.towards_sun = sunwards / np.linalg.norm(sunwards)
@@ -302,6 +341,14 @@ class Drawing:
         shown = np.empty((self.size[1], self.size[0], 3), np.uint8)
         developed(self._picture, CODES, shown)
         return shown
+
+    def faces(self, pose: np.ndarray, color: Sequence[int], opacity: float) -> Beside:
+        """Return the faces of the bodies at `pose` (nb, 7) in one colour."""
+        places, normals = self._placed(pose)
+        corners = len(self._owners)  # those after them are of the ground
+        colors = np.tile(linear(color), (corners // 3, 1))
+        opacities = np.full(corners // 3, opacity)
+        return Beside(places[:corners], normals[:corners], colors, opacities)
 
     # -- what is drawn -----------------------------------------------------------------------------
 
@@ -356,7 +403,7 @@ class Drawing:
         width, height = self.size[0] * OVERSAMPLING, self.size[1] * OVERSAMPLING
         step = 2 * np.tan(stage.FRAMING.field_of_view / 2) / height
         corner = -self._way - self._right * step * width / 2 + self._above * step * height / 2
-        eye = self._view.position + self._track.gone(pose)
+        eye = self._view.position + self.track.gone(pose)
         return Camera._make(map(_three, (eye, corner, self._right * step, -self._above * step)))
 
     def _projected(self, places: np.ndarray, camera: Camera) -> np.ndarray:
