@@ -15,9 +15,9 @@ from pydantic import Field
 import pgraph_core as pg
 from pgraph_core.errors import percent
 from pgraph_core.result.columns import columns_of
+from pgraph_core.result.functions import WAYS
 from pgraph_core.search.measured import columns_in, factor_of, measured
 from pgraph_core.simulation.paths import Path, with_numbers
-from pgraph_core.sweeps.metrics import WAYS
 
 from .. import model as model_
 from ..core import cells

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from pgraph_core.sweeps.metrics import WAYS
+from pgraph_core.result.functions import WAYS
 
 from ..core.views import Host, Payload, Place, topic
 from . import Choices, Curves, Found, Offer, State, matches, missing, settled

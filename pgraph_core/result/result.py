@@ -36,6 +36,7 @@ from .columns import (
 )
 from .dense import states_at
 from .exports import ARRAYS, Exports
+from .functions import Evaluated
 from .measured import Measuring
 from .paths import Path, paths_of
 from .pressure import Pressing
@@ -109,7 +110,7 @@ def _touching(kind: str, joined: Any, what: str) -> Any:
 @guarded(other="a run does not change; dataclasses.replace(run, q=...) makes another one")
 @explained
 @dataclass(frozen=True, eq=False)
-class Result(Exports, Measuring, Pressing, EqualByFields, Portable):
+class Result(Exports, Evaluated, Measuring, Pressing, EqualByFields, Portable):
     """The result of a run, with arrays that have one row per recorded frame.
 
     If a run fails, the frames up to the failure are available. Two runs are considered equal if

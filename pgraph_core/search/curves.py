@@ -8,9 +8,10 @@ import numpy as np
 
 from ..result import Result
 from ..result.columns import columns_of, coordinates, meant
+from ..result.functions import WAYS
 from ..result.records import Status
 from ..result.slopes import BESIDE
-from ..sweeps.metrics import OF_RUN, WAYS, words
+from ..sweeps.metrics import OF_RUN, words
 
 Array = np.ndarray
 

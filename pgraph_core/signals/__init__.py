@@ -10,6 +10,7 @@ from .grammar import Unreadable as Unreadable
 from .grammar import filled as filled
 from .grammar import is_expression as is_expression
 from .grammar import parsed as parsed
+from .grammar import parsed_of_columns as parsed_of_columns
 from .grammar import signals_in as signals_in
 from .grammar import with_names as with_names
 from .grammar import written as written

@@ -44,6 +44,11 @@ FUNCTIONS: dict[str, tuple[int, int]] = {
     "if": (3, 3), "smoothstep": (3, 3), "table": (3, 101),
 }  # fmt: skip
 RESERVED = (*FUNCTIONS, "and", "or", "not", "pi")
+# more functions where names are columns of a run: of a whole curve, or of its vector
+OF_CURVES: dict[str, tuple[int, int]] = {
+    "min": (1, 50), "max": (1, 50), "final": (1, 1), "mean": (1, 1), "rms": (1, 1), "peak": (1, 1),
+    "range": (1, 1), "settle": (1, 1), "integral": (1, 1), "norm": (1, 50), "window": (3, 3),
+}  # fmt: skip
 
 
 class Unreadable(ValueError):
@@ -80,16 +85,28 @@ def is_expression(value: object) -> bool:
 @lru_cache(KEPT)
 def parsed(text: str) -> Node:
     """Parse an expression, with or without a leading '='. Raises Unreadable."""
-    if len(text) > LONGEST_EXPRESSION:
-        reason = f"an expression has at most {LONGEST_EXPRESSION} characters, got {len(text)}"
-        raise Unreadable(LONGEST_EXPRESSION + 1, reason)
     return _Reader(text).whole()
+
+
+@lru_cache(KEPT)
+def parsed_of_columns(text: str) -> Node:
+    """Parse an expression whose names are columns of a run, as energy or joint_force.crank.x.
+
+    A column is a signal without a group. A name that is no word stands in quotes: "v.upper arm".
+    Raises Unreadable.
+    """
+    return _OfColumns(text).whole()
 
 
 class _Reader:
     """The tokens of an expression, with the position of the next one."""
 
+    functions: Mapping[str, tuple[int, int]] = FUNCTIONS
+
     def __init__(self, text: str):
+        if len(text) > LONGEST_EXPRESSION:
+            reason = f"an expression has at most {LONGEST_EXPRESSION} characters, got {len(text)}"
+            raise Unreadable(LONGEST_EXPRESSION + 1, reason)
         self.tokens = list(_tokens(text))
         self.k = 0
 
@@ -176,6 +193,10 @@ class _Reader:
             self.refuse(f"expects a number, a name or '(', got {_seen(at)}")
         if self.next.text == "(":
             return self.call(at, level)
+        return self.named(at)
+
+    def named(self, at: _Token) -> Node:
+        """Parse the rest of a signal or a name."""
         if at.text in GROUPS and self.next.text in (".", "["):
             return self.signal(at)
         span = (at.start, at.start + len(at.text))
@@ -188,8 +209,8 @@ class _Reader:
             self.refuse(f"{shown(at.text)} is not a number", at)
 
     def call(self, at: _Token, level: int) -> Node:
-        if at.text not in FUNCTIONS:
-            do = nearest_name(at.text, FUNCTIONS)
+        if at.text not in self.functions:
+            do = nearest_name(at.text, self.functions)
             self.refuse(f"no function is named {shown(at.text)}; {do}", at)
         self.take()
         args: list[Node] = []
@@ -198,7 +219,7 @@ class _Reader:
                 self.expect(",")
             args.append(self.expression(0, level + 1))
         self.take()
-        least, most = FUNCTIONS[at.text]
+        least, most = self.functions[at.text]
         if not least <= len(args) <= most or (at.text == "table" and len(args) % 2 == 0):
             self.refuse(f"{at.text} takes {TAKES.get(at.text, 'one argument')}", at)
         return self.made(at.text, tuple(args), at)
@@ -211,9 +232,7 @@ class _Reader:
         if name.kind != wanted:
             form = f'{at.text}["the name"]' if quoted else f"{at.text}.name"
             self.refuse(f"expects {form}, got {_seen(name)}", name)
-        inside, quote = name.text, name.text[:1]
-        if quoted:
-            inside = inside[1:-1].replace(2 * quote, quote)
+        inside = _unquoted(name.text) if quoted else name.text
         span = (name.start - 1, name.start + len(name.text) + (1 if quoted else 0))
         if quoted:
             self.expect("]")
@@ -228,12 +247,57 @@ class _Reader:
         return Node("signal", signal=(at.text, inside, index), column=at.start + 1, span=span)
 
 
+class _OfColumns(_Reader):
+    """The tokens of an expression whose names are columns of a run."""
+
+    functions = FUNCTIONS | OF_CURVES
+
+    def operand(self, level: int) -> Node:
+        if self.next.kind != "text":
+            return super().operand(level)
+        at = self.take()
+        return _column(at, _unquoted(at.text))
+
+    def named(self, at: _Token) -> Node:
+        """Parse the rest of joint_force.crank.x, trunk.0 or v["upper arm"]."""
+        if at.text == "pi":
+            return super().named(at)
+        name, end = at.text, at.start + len(at.text)
+        while self.next.start == end and self.next.text[:1] in (".", "["):
+            first = self.take()
+            if first.kind == "number":  # .0 of trunk.0
+                name, end = name + first.text, end + len(first.text)
+                continue
+            part = self.take()
+            wanted = ("name", "number") if first.text == "." else ("text", "number")
+            if part.kind not in wanted:
+                self.refuse(f"expects the rest of a column after {name!r}, got {_seen(part)}", part)
+            end = part.start + len(part.text)
+            if first.text == ".":
+                name += f".{part.text}"
+                continue
+            self.expect("]")
+            end += 1
+            name += f".{_unquoted(part.text)}" if part.kind == "text" else f"[{part.text}]"
+        return _column(at, name)
+
+
+def _column(at: _Token, name: str) -> Node:
+    return Node("signal", signal=("", name, 0), column=at.start + 1)
+
+
+def _unquoted(text: str) -> str:
+    """Return a name without its quotes, which are written twice within it."""
+    return text[1:-1].replace(2 * text[0], text[0])
+
+
 _BASES = ("0x", "0o", "0b")
 TAKES = {
     "if": "three arguments: if(condition, then, otherwise)",
     "smoothstep": "three arguments: smoothstep(x, from, to), which goes from 0 to 1",
     "table": "x, then a place and a value each: table(x, 0, 1.5, 2, 3.0)",
     "min": "two or more arguments", "max": "two or more arguments",
+    "window": "a curve and two times: window(x, 0.5, 2)",
 }  # fmt: skip
 
 

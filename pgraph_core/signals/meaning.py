@@ -126,9 +126,13 @@ def dim_of(node: Node, units: Units) -> Dim | None:
             if node.op == "pow" and exponent.op != "number":
                 return None
             return None if base is None else base ** (0.5 if node.op == "sqrt" else exponent.value)
-        case "neg" | "abs":
+        case "neg" | "abs" | "final" | "mean" | "rms" | "peak" | "range" | "window":
             return dims[0]
-        case "add" | "sub" | "min" | "max":
+        case "integral":
+            return None if dims[0] is None else dims[0] * S
+        case "settle":
+            return S
+        case "add" | "sub" | "min" | "max" | "norm":
             return _same(node, dims)
         case "if":
             return _same(node, dims[1:])

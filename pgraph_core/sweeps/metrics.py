@@ -1,4 +1,4 @@
-"""Metrics for a sweep: functions of a run, or text such as "max knee"."""
+"""Metrics for a sweep: functions of a run, or text such as "max knee" or "max(abs(knee))"."""
 
 from __future__ import annotations
 
@@ -9,25 +9,11 @@ from itertools import chain
 from types import CodeType, FunctionType
 from typing import Any
 
-import numpy as np
-from scipy.integrate import trapezoid
-
 from ..errors import InputError, Problem, choices, nearest, shown
 from ..result import Result
 from ..result.columns import meant
+from ..result.functions import WAYS, read
 
-Array = np.ndarray
-SETTLED = 0.02  # share of the way to its end within which a curve has settled
-WAYS: dict[str, Callable[[Array, Array], Any]] = {  # functions of times and values
-    "final": lambda t, x: x[-1],
-    "max": lambda t, x: np.max(x),
-    "min": lambda t, x: np.min(x),
-    "mean": lambda t, x: _mean(t, x),
-    "rms": lambda t, x: np.sqrt(_mean(t, np.square(x))),
-    "peak": lambda t, x: np.max(np.abs(x)),
-    "range": lambda t, x: np.ptp(x),
-    "settle": lambda t, x: _settling_time(t, x),
-}
 OF_RUN: dict[str, Callable[[Result], float]] = {
     "energy_drift": lambda run: run.energy_drift,
     "error_estimate": lambda run: run.error_estimate,
@@ -57,7 +43,10 @@ def metrics_of(given: Any) -> dict[str, Metric | str]:
         raise _refused(text)
     for name, one in found.items():
         if isinstance(one, str):
-            words(one)
+            if is_expression(one):
+                read(one)
+            else:
+                words(one)
         elif not callable(one):
             raise _refused(f"{name!r} must be a function of a run, got {shown(one)}")
     return found
@@ -126,6 +115,8 @@ def measured(run: Result, metric: Metric | str) -> float:
             raise _refused(text) from None
     if metric in OF_RUN:
         return float(OF_RUN[metric](run))
+    if is_expression(metric):
+        return run.value(metric)
     way, what = words(metric)
     try:
         found = run[what]
@@ -137,25 +128,16 @@ def measured(run: Result, metric: Metric | str) -> float:
     return float(WAYS[way](run.t, found))
 
 
-def _mean(t: Array, x: Array) -> float:
-    """Return the time average of a piecewise linear curve."""
-    return float(trapezoid(x, t) / (t[-1] - t[0])) if t[-1] > t[0] else float(x[-1])
-
-
-def _settling_time(t: Array, x: Array) -> float:
-    """Return the time after which a curve stays near its last value, between frames too [s]."""
-    band = SETTLED * abs(x[-1] - x[0])
-    away = np.abs(x - x[-1]) - band
-    outside = np.flatnonzero(away > 0.0)
-    if not len(outside):
-        return 0.0
-    i = outside[-1]
-    share = away[i] / (away[i] - away[i + 1]) if away[i] > away[i + 1] else 1.0
-    return float(t[i] + share * (t[i + 1] - t[i]) - t[0])
-
-
 def _name(metric: Any) -> str:
     return getattr(metric, "__name__", "the metric")
+
+
+def is_expression(metric: str) -> bool:
+    """Check whether a metric is a result function, as "max(v.knee) - min(v.knee)", and not "max
+    COLUMN"."""
+    way, _, what = metric.partition(" ")
+    plain = way in WAYS and what.strip() and what.strip()[0] not in "(+-*/^"
+    return "(" in metric and not plain
 
 
 def words(metric: str) -> tuple[str, str]:
