@@ -375,6 +375,10 @@ class Carried:
             text = "derivatives refer to a different initial state, because the given one does not "
             text += "satisfy the constraints: use mech.assemble(q, v)"
             found.append(text)
+        touching = self._record.scene.touching
+        if touching is not None and touching.tally["calmed"]:
+            text = "derivatives ignore that restitution was disabled in some steps, and may be off "
+            found.append(f"{text}by some per cent; use less friction or no restitution")
         for one, d in zip(self.variables, each):
             lost = np.flatnonzero(~np.isfinite(d[:, :-2]).all(axis=1))  # impulses take energy
             if not ended and len(lost):

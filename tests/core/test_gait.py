@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
+from pgraph_core.result.balance import is_of_balance
 
 from ..worlds import built_in
 
@@ -63,7 +64,8 @@ LONG.append(("quadruped_hips", "gallop", 1.2, 30.0))
 def test_a_walk_keeps_its_speed_and_limits(name, scenario, speed, seconds):
     run = walked(name, scenario, seconds)
     assert run.status.ok
-    assert not run.notices
+    assert not [text for text in run.notices if not is_of_balance(text)]
+    assert run.energy_drift < (0.01 if seconds <= 3.0 else 0.05)  # long: bound 0.028, gallop 0.036
     gait = run.mechanism.model.scenario(scenario).gait
     late = run.t > 1.0
     seconds = run.t[-1] - run.t[late][0]
