@@ -230,8 +230,7 @@ def test_a_heavy_box_slides_on_a_light_one(heavier, friction):
 
 HEAPS = [
     pytest.param(24, 3, 1.5),
-    pytest.param(200, 6, 3.0, marks=pytest.mark.nightly),
-    pytest.param(1000, 12, 4.0, marks=pytest.mark.nightly),
+    pytest.param(60, 4, 1.5, marks=pytest.mark.nightly),  # more take hours: see docs/limits.md
 ]
 
 
