@@ -146,17 +146,19 @@ def test_the_camera_is_as_near_as_it_can_be_and_sees_every_point():
         up, which = rng.choice(["x", "y", "z"]), rng.choice(["front", "side", "top", "isometric"])
         axis, aspect = np.array(GRID[up][1]), rng.uniform(0.4, 2.5)
         way = stage.towards(up, which)
-        free = rng.choice([1.0, 0.7])
+        free = stage.Free(*rng.choice([1.0, 0.7], 4).tolist())
         at = stage.fitted(points, axis, way, aspect, free)
         np.testing.assert_allclose(np.cross(at.position - at.target, way), 0, atol=1e-9)
         assert stage.in_picture(points, axis, at, aspect).all()
         right, above = stage.frame(axis, way)
         deep = (at.position - points) @ way
         half = math.tan(stage.FRAMING.field_of_view / 2)
-        x = np.abs((points - at.position) @ right) / (deep * half * aspect)
-        y = np.abs((points - at.position) @ above) / (deep * half)
-        margin = stage.FRAMING.margin
-        fills = max(x.max() / margin, y.max() / min(margin, free))
+        x = (points - at.position) @ right / (deep * half * aspect)
+        y = (points - at.position) @ above / (deep * half)
+        edges = np.minimum(stage.FRAMING.margin, free)  # what covers the picture covers no point
+        shares = np.array([-x.min(), x.max(), -y.min(), y.max()]) / edges
+        assert (shares < 1 + 1e-9).all()
+        fills = max(shares[:2].min(), shares[2:].min())  # it touches two opposite edges
         assert fills == pytest.approx(1, abs=1e-9) or np.linalg.norm(at.position - at.target) < 0.03
 
 

@@ -3,6 +3,7 @@
 pgraph.frame = (() => {
   const { make, icon, choices } = pgraph;
   const root = document.documentElement;
+  const GAP = 8; // between the model and what lies over the view [px]
   const slots = {},
     tabs = {}; // by slot; by the name of a tab: {slot, label, pane, actions, count}
   const MOVES = {
@@ -235,12 +236,16 @@ pgraph.frame = (() => {
     pgraph.tellView = () => {
       const { clientWidth, clientHeight } = canvas,
         aspect = clientWidth / clientHeight,
-        tools = slots.view.querySelector(".pgraph-tools");
-      const free = 1 - (2 * (tools.offsetTop + tools.offsetHeight)) / clientHeight;
+        view = canvas.getBoundingClientRect(),
+        bars = [".pgraph-views", ".pgraph-tools"].map((bar) => document.querySelector(bar)),
+        [axes, tools] = bars.map((bar) => bar?.getClientRects()[0]), // none if it is hidden
+        share = (covered, whole) => Math.min(Math.max(1 - (2 * covered) / whole, 0.5), 1),
+        right = axes ? share(view.right - axes.left + GAP, clientWidth) : 1,
+        top = tools ? share(tools.bottom - view.top + GAP, clientHeight) : 1;
       if (aspect > 0)
         pgraph.send("Viewport", {
           aspect: Math.min(Math.max(aspect, 0.06), 19),
-          free: Math.max(free, 0.5),
+          free: [1, right, 1, top],
           turned: pgraph.camera.turned(),
         });
     };

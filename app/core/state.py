@@ -22,7 +22,7 @@ from pgraph_core.model.segments import segment
 from pgraph_core.numbering import children_of
 from pgraph_core.show.digraph import Layout, layout
 from pgraph_core.show.shapes import branches, reach, to_wxyz
-from pgraph_core.show.stage import depth
+from pgraph_core.show.stage import WHOLE, Free, depth
 from pgraph_core.topology import Loop, loops_of
 
 from .cells import Display
@@ -83,7 +83,7 @@ class Client:
     selected: tuple[str, ...] = ()  # all selected bodies in the table's order
     dark: bool = False
     aspect: float | None = None  # width over height of its 3D view, once known
-    free: float = 1.0  # share of that height between toolbar and hint
+    free: Free = WHOLE  # the part of that view which no toolbar covers
     reply: Reply | None = None
     notice: Notice | None = None
     asked: Any = None  # the last event that asked for something to be sent once, or shown

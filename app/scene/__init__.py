@@ -8,6 +8,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from pgraph_core.show.stage import WHOLE, Free
+
 from .. import constraints, pose
 from ..core.events import Event, FromPage, Request
 from ..core.state import Notice, told, with_client
@@ -61,20 +63,23 @@ class View(Request):
     ]
 
 
+Share = Annotated[float, Field(ge=0.5, le=1)]
+
+
 class Viewport(FromPage):
     """The aspect ratio (width over height) of a page's 3D view has changed.
 
-    `free` is the share of its height between the toolbar and its mirror image.
+    `free` is the part that no toolbar covers, as shares of the way from the middle to each edge.
     """
 
     aspect: Annotated[float, Field(gt=0.05, lt=20)]
-    free: Annotated[float, Field(ge=0.5, le=1)] = 1.0
+    free: tuple[Share, Share, Share, Share] = WHOLE
     turned: bool = False  # whether a person moved the camera since it was set
 
     def applied(self, state: State) -> State:
         if state.playback.unseen:
             state = replace(state, playback=replace(state.playback, unseen=False))
-        now = {"aspect": self.aspect, "free": self.free, "turned": self.turned}
+        now = {"aspect": self.aspect, "free": Free(*self.free), "turned": self.turned}
         return with_client(state, self.client, **now)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 
 from pgraph_core.show import bodies, shapes, stage
-from pgraph_core.show.stage import FRAMING, GRID, Viewpoint, in_picture
+from pgraph_core.show.stage import FRAMING, GRID, WHOLE, Free, Viewpoint, in_picture
 
 from ..core.bridge import Bridge
 from ..core.views import requests
@@ -105,9 +105,9 @@ class CameraView:
         )
         start = self._server.initial_camera
         # viser returns to this after a change of `up`, so it has to suit the pages that are open
-        known = [(page.aspect, page.free) for page in state.clients.values() if page.aspect]
-        least = np.min(known or [(TYPICAL_ASPECT, 1.0)], axis=0)
-        start.position, start.look_at = viewpoint(state, *least.tolist())
+        known = [(page.aspect, *page.free) for page in state.clients.values() if page.aspect]
+        aspect, *free = np.min(known or [(TYPICAL_ASPECT, *WHOLE)], axis=0).tolist()
+        start.position, start.look_at = viewpoint(state, aspect, Free(*free))
         start.up, start.fov = up, FRAMING.field_of_view
         start.near, start.far = size / 100, 1000 * size
 
@@ -177,7 +177,7 @@ def holds(
     return in_picture(positions, up, at, page.aspect)
 
 
-def viewpoint(state: State, aspect: float, free: float = 1.0) -> Viewpoint:
+def viewpoint(state: State, aspect: float, free: Free = WHOLE) -> Viewpoint:
     """Return positions of the camera and its target for which the model fills the view."""
     up = np.array(GRID[state.model.up][1])
     return stage.fitted(extent(state), up, start(state), aspect, free)

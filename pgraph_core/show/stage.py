@@ -125,6 +125,18 @@ class Framing(NamedTuple):
 FRAMING = Framing()
 
 
+class Free(NamedTuple):
+    """The uncovered part of a picture, as shares of the way from its middle to each edge."""
+
+    left: float = 1.0
+    right: float = 1.0
+    bottom: float = 1.0
+    top: float = 1.0
+
+
+WHOLE = Free()
+
+
 class Viewpoint(NamedTuple):
     """The position and target of a camera."""
 
@@ -175,26 +187,30 @@ def plane_of_motion(bodies: Sequence[Any], turns: np.ndarray) -> np.ndarray | No
 
 
 def fitted(
-    points: np.ndarray, up: np.ndarray, way: np.ndarray, aspect: float, free: float = 1.0
+    points: np.ndarray, up: np.ndarray, way: np.ndarray, aspect: float, free: Free = WHOLE
 ) -> Viewpoint:
     """Find the nearest camera in the direction `way` (a unit vector) that sees all points.
 
-    The points lie within the fraction `free` of the picture's height, leaving space above and
-    below.
+    The points lie within the free rectangle of the picture, and in its middle if there is space.
 
     Let (x, y, z) be a point and (a, b, d) the camera, both in the camera's axes with z towards the
-    camera. The picture contains the point if |x - a| <= h (d - z) and |y - b| <= v (d - z), where
-    h and v are the tangents of half the angles of view.
+    camera. The rectangle contains the point if -l (d - z) <= x - a <= r (d - z), where l and r are
+    the tangents of the angles to its left and right edges, and likewise for y - b.
     """
     right, above = frame(up, way)
     x, y, z = points @ right, points @ above, points @ way
     half = math.tan(FRAMING.field_of_view / 2)
-    v, h = min(FRAMING.margin, free) * half, FRAMING.margin * half * aspect
-    x_high, x_low = (x + h * z).max(), (x - h * z).min()
-    y_high, y_low = (y + v * z).max(), (y - v * z).min()
+    left, rightward, low, top = np.minimum(FRAMING.margin, free) * half * [aspect, aspect, 1, 1]
+    x_high, x_low = (x + rightward * z).max(), (x - left * z).min()
+    y_high, y_low = (y + top * z).max(), (y - low * z).min()
     middle = (z.min() + z.max()) / 2
-    d = max((x_high - x_low) / (2 * h), (y_high - y_low) / (2 * v), middle + FRAMING.distance)
-    target = (x_high + x_low) / 2 * right + (y_high + y_low) / 2 * above + middle * way
+    d = max(
+        (x_high - x_low) / (left + rightward),
+        (y_high - y_low) / (low + top),
+        middle + FRAMING.distance,
+    )
+    across, along = x_high + x_low + (left - rightward) * d, y_high + y_low + (low - top) * d
+    target = across / 2 * right + along / 2 * above + middle * way
     return Viewpoint(target + (d - middle) * way, target)
 
 

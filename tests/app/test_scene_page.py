@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+import pgraph_models
 from pgraph_app.digraph import StepThrough
 from pgraph_app.gait import Simulate
 from pgraph_app.model import Undo
@@ -14,6 +15,7 @@ from pgraph_app.pose.update import HomePose, MoveJoint
 from pgraph_app.properties.update import EditBodies
 from pgraph_app.run import SetRun
 from pgraph_app.scene import Show, View, ties
+from pgraph_app.scene.camera import extent
 from pgraph_app.server import Server
 from pgraph_app.table import DeleteBodies
 from pgraph_core.show.stage import TOWARDS, towards
@@ -319,6 +321,18 @@ def along(page: Any, way: Any, name: str) -> None:
 
 
 CLICK = "(it) => document.querySelector(it).dispatchEvent(new Event('click', {bubbles: true}))"
+
+
+def test_the_fitted_model_lies_beside_the_axes_and_the_tools(page, served):
+    opened(page, served, pg.Model.load(pgraph_models.path("four_bar")))
+    seen = lambda: np.array([on_screen(page, p) for p in extent(served.store.state)])  # noqa: E731
+    axes, tools = (page.locator(one).bounding_box() for one in (".pgraph-views", ".pgraph-tools"))
+    for key in ("1", "0"):
+        page.keyboard.press(key)
+        until(lambda: seen()[:, 0].max() < axes["x"], f"key {key}: left of the axes")
+        until(
+            lambda: seen()[:, 1].min() > tools["y"] + tools["height"], f"key {key}: below the tools"
+        )
 
 
 def test_named_views_fit_and_centre_by_buttons_keys_and_wheel(page, served):
