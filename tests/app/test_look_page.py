@@ -137,6 +137,16 @@ def test_what_is_needed_first_is_in_sight_in_a_small_window(page):
     page.locator("table.bodies tr[data-name]").first.wait_for()
 
 
+def test_every_tab_of_the_results_is_in_sight_at_1280_by_800(page):
+    """The last tab was cut by the buttons of the plots."""
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.evaluate("pgraph.front('Plots'); pgraph.frame.drawer(true)")
+    missing = "(() => { const e = document.querySelector('.pgraph-slot.drawer .tabs');"
+    missing += " return e.scrollWidth - e.clientWidth; })()"
+    until(lambda: page.evaluate(missing) <= 0, "all tabs")
+    assert page.locator(".pgraph-slot.drawer .tabs").bounding_box()["width"] > 300
+
+
 def test_panels_of_a_narrow_window_open_by_mouse(page):
     """The buttons at both ends of the bar did nothing below 760 px, or at 200 % zoom."""
     sized(page, 700, 900)
