@@ -82,7 +82,7 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
 
     Raises InputError.
     """
-    kept: dict[Any, tuple[RunPlan, Any, Options]] = mech.__dict__.setdefault("_plans", {})
+    kept: dict[Any, tuple[RunPlan, Any, Any]] = mech.__dict__.setdefault("_plans", {})
     given = {**vars(options)}
     for name in ("forces", "switches"):
         if type(given[name]) in (list, tuple) and given[name]:  # hashing parts takes a few steps
@@ -97,9 +97,10 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
     if plan is not None and (state is None or state == [*map(_bytes, (q, v))]):
         return plan
     plan, rated = _planned(mech, options, tau, q, v)
-    if key is not None:  # contains identities of parts in `options`
+    if key is not None:  # contains identities of parts, which a list of the caller may let go
+        parts = [tuple(x) for x in (options.forces, options.switches) if type(x) in (list, tuple)]
         rated = rated and not (q is None and v is None)  # the options tell that state
-        keep(kept, key, (plan, [*map(_bytes, (q, v))] if rated else None, options))
+        keep(kept, key, (plan, [*map(_bytes, (q, v))] if rated else None, (options, parts)))
     return plan
 
 

@@ -228,3 +228,14 @@ def test_a_warm_call_passes_few_functions_and_files():
     own = {(file, name) for file, name in passed if file.parts[0] != "engine"}
     assert len(own) <= 50  # lower these bounds when a call passes fewer
     assert len({file for file, _ in own}) <= 19
+
+
+def test_a_list_of_forces_whose_entries_change_gives_the_run_of_each():
+    """A part that is freed leaves its identity to a new one."""
+    mech, forces, found = pg.Mechanism(pg.Model.serial(1)), [None], set()
+    for k in range(60):
+        forces[0] = None
+        forces[0] = pg.Motor(name="m", body="1", torque=float(k))
+        run = pg.simulate(mech, t_end=0.01, step=1e-3, method="rk4", forces=forces, estimate=False)
+        found.add(float(run.v[-1, 0]))
+    assert len(found) == 60
