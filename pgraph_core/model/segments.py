@@ -266,9 +266,23 @@ def segment(beam: str, k: int) -> str:
     return f"{beam}[{k}]"
 
 
+def direction(k: int) -> int:
+    """Return 1 if the motions of segment k have the order of the beam's strains, -1 if reversed.
+
+    Hinges turn about successive axes, so that a cell which bends both ways also twists by half the
+    product of its angles. Cells in turns reverse the order, which takes this back.
+    """
+    return 1 if k % 2 else -1
+
+
+def strains_of(beam: Beam, k: int) -> tuple[Strain, ...]:
+    """Return the strains of segment k, in the order of its motions."""
+    return beam.deforms[:: direction(k)]
+
+
 def _segments(beam: Beam, cells: Sequence[Cell]) -> list[Body]:
     """Return the segments, from the half cell at the root to that at the tip."""
-    stiff, strains = beam.stiff, beam.deforms
+    stiff = beam.stiff
     beta = 2.0 * beam.damping_ratio / beam.lowest_frequency if beam.damping_ratio else 0.0
     found, known = list[Body](), dict[Any, Body]()
     origin = cells[0].start
@@ -280,7 +294,8 @@ def _segments(beam: Beam, cells: Sequence[Cell]) -> list[Body]:
         if cell is not None:
             link = tuple((cell.point(0.5) - origin).tolist())
             origin = cell.point(0.5)
-        key = (k == 0, *((id(axes), h) for axes, h in halves), len(halves))
+        strains = strains_of(beam, k)
+        key = (k == 0, strains, *((id(axes), h) for axes, h in halves), len(halves))
         if key not in known:
             fields = _solid(beam, halves)
             if cell is None:

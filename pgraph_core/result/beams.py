@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..model.segments import segment
+from ..model.segments import segment, strains_of
 
 AXES = "xyz"
 STRETCH, FORCE, MOMENT = "stretch", "axial_force", "moment"
@@ -19,14 +19,14 @@ def columns_of_beams(run: Any) -> dict[str, tuple[str, Any]]:
     mech, found = run.mechanism, dict[str, tuple[str, Any]]()
     beams = {beam.name: beam for beam in mech.model.described.beams}
     for name, counts in mech.model.segments.items():
-        place, strains = run.position[name], beams[name].deforms
+        place, beam = run.position[name], beams[name]
         found |= {f"{name}.tip.{axis}": ("m", x) for axis, x in zip(AXES, place.T)}
-        turns = [x for x in strains if x != STRETCH]
+        turns = [x for x in beam.deforms if x != STRETCH]
         for k in range(1, sum(counts) + 1):
             body = mech.model.body(segment(name, k))
             joint = mech.joints[body.name]
             loads = run.q[:, joint.q] * body.stiffness + run.v[:, joint.v] * body.damping
-            for strain, load in zip(strains, loads.T):
+            for strain, load in zip(strains_of(beam, k), loads.T):
                 if strain == STRETCH:
                     found[f"{FORCE}.{body.name}"] = "N", load
                 else:

@@ -187,6 +187,8 @@ class Evaluated:
 
 def read(text: str) -> Node:
     """Parse an expression of columns. Raises InputError."""
+    if not isinstance(text, str):
+        raise _refused(f"must be text such as 'max(abs(v.knee))', got {shown(text)}")
     try:
         return parsed_of_columns(text)
     except Unreadable as error:
@@ -224,8 +226,9 @@ def _value(node: Node, columns: dict[str, list[Array]], t: Array) -> _Value:
             found = np.vectorize(POINTWISE[node.op], otypes=[float])(*values)
     except (ArithmeticError, ValueError, TypeError) as error:
         raise Unreadable(node.column, f"{node.op} has no value here: {error}") from None
-    if node.op != "if":  # min(nan, 1) of Python is nan, and min(1, nan) is 1
-        found = np.where(sum(np.isnan(x) for x in values), np.nan, found)
+    # min(nan, 1) of Python is nan, min(1, nan) is 1, and a gap in a condition chooses neither
+    decisive = values[:1] if node.op == "if" else values
+    found = np.where(sum(np.isnan(x) for x in decisive), np.nan, found)
     return _Value(times, found)
 
 
@@ -277,7 +280,12 @@ def _mean(t: Array, x: Array) -> float:
 
 
 def _settling_time(t: Array, x: Array) -> float:
-    """Return the time after which a curve stays near its last value, between frames too [s]."""
+    """Return the time after which a curve stays near its last value, between frames too [s].
+
+    It is nan for a curve with a gap, where the curve may be away from that value.
+    """
+    if np.isnan(x).any():
+        return np.nan
     band = SETTLED * abs(x[-1] - x[0])
     away = np.abs(x - x[-1]) - band
     outside = np.flatnonzero(away > 0.0)

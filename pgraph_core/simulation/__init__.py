@@ -32,6 +32,7 @@ from .start import (
     refuse_interval,
     rows_of,
     torques_or_drives,
+    unread,
     with_state,
 )
 
@@ -224,6 +225,7 @@ def simulate(
 
         record.carried = derivatives_of(record, options, q, v, wrt)
     said = notices_of_start(mech, options, (q, v, states), state[0])
+    said += unread(mech.model) if start is not None else []
     result = _recorded(record, progress, estimate, (began, loaded), said)
     if mech.divided and estimate is not False:
         result = with_space_error(result, simulate, call, told)

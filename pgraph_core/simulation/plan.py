@@ -83,10 +83,11 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
     Raises InputError.
     """
     kept: dict[Any, tuple[RunPlan, Any, Any]] = mech.__dict__.setdefault("_plans", {})
-    given = {**vars(options)}
+    given, parts = {**vars(options)}, []
     for name in ("forces", "switches"):
         if type(given[name]) in (list, tuple) and given[name]:  # hashing parts takes a few steps
-            given[name] = tuple([id(x) if isinstance(x, Frozen) else x for x in given[name]])
+            parts.append(tuple(given[name]))
+            given[name] = tuple([id(x) if isinstance(x, Frozen) else x for x in parts[-1]])
     key: Any = (*given.values(), *map(type, given.values()), callable(tau), q is None, v is None)
     try:
         plan, state, _ = kept.get(key, NO_PLAN)
@@ -98,7 +99,6 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> RunP
         return plan
     plan, rated = _planned(mech, options, tau, q, v)
     if key is not None:  # contains identities of parts, which a list of the caller may let go
-        parts = [tuple(x) for x in (options.forces, options.switches) if type(x) in (list, tuple)]
         rated = rated and not (q is None and v is None)  # the options tell that state
         keep(kept, key, (plan, [*map(_bytes, (q, v))] if rated else None, (options, parts)))
     return plan

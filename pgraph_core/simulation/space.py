@@ -17,7 +17,7 @@ from ..errors import PgraphError, percent
 from ..mechanism import Mechanism
 from ..model import Model
 from ..model.beam import AUTO, MOST_SEGMENTS
-from ..model.segments import Counts, refined, segment
+from ..model.segments import Counts, direction, refined, segment
 from ..packing import Array
 from ..result import Result
 from ..result.records import Status
@@ -102,14 +102,14 @@ def carried(mech: Mechanism, other: Mechanism, kind: str, given: Any) -> Any:
     for beam, cells in counts.items():
         n, m = sum(cells), sum(own[beam])
         rows = [x[getattr(mech.joints[segment(beam, k + 1)], kind)] for k in range(n)]
-        bends = np.array(rows)
+        bends = np.array([row[:: direction(k)] for k, row in enumerate(rows, 1)])
         bends = (
             bends.reshape(m, n // m, -1).sum(axis=1)
             if m <= n
             else np.repeat(bends * (n / m), m // n, axis=0)
         )
-        for k, row in enumerate(bends):
-            found[getattr(other.joints[segment(beam, k + 1)], kind)] = row
+        for k, row in enumerate(bends, 1):
+            found[getattr(other.joints[segment(beam, k)], kind)] = row[:: direction(k)]
     return found
 
 

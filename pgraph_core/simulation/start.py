@@ -152,6 +152,17 @@ def notices_of_start(mech: Mechanism, o: Options, given: tuple[Any, ...], at: Ar
     return found + begun_anew(mech, o) if later and o.memory is None else found
 
 
+def unread(model: Any) -> list[str]:
+    """Return a notice about sensors with latency in a run that goes on, whose first samples are of
+    the time before it.
+    """
+    late = [o.name for o in model.outputs if o.imperfect is not None and o.imperfect.latency]
+    if not late:
+        return []
+    text = f"the first samples of {choices(late)} are of the time before this run, and take its "
+    return [text + "first value; pg.joined has those of both runs"]
+
+
 def kept_parts(mech: Mechanism, scenario: str | None, extra: Sequence[Force]) -> Iterator[str]:
     """Yield the parts of a model that remember more than a state."""
     given = mech.model.scenario(scenario) if scenario is not None else None

@@ -231,3 +231,17 @@ def test_refusals():
     y, w = (lambda x=x: pg.Motor(name="m", body="rod", torque=f"=-{x}.gyro[2]") for x in "yw")
     refused(y, "out.gyro", "pg.Stepper")
     refused(w, "out", "force")
+
+
+def test_a_run_that_goes_on_tells_that_late_samples_are_of_the_time_before_it():
+    late = pg.Imperfect(sample=0.01, latency=0.05)
+    angle = pg.Output(name="angle", kind="joint_position", at="1", imperfect=late)
+    model = pg.Model.serial(1).add(angle)
+    first = pg.simulate(model, t_end=0.2)
+    second = pg.simulate(model, start=first, t_end=0.4)
+    assert not any("samples" in text for text in first.notices)
+    assert any("of angle" in text and "pg.joined" in text for text in second.notices)
+    whole, both = pg.simulate(model, t_end=0.4), pg.joined([first, second])
+    np.testing.assert_allclose(
+        both.measured["angle"].value, whole.measured["angle"].value, atol=1e-5
+    )

@@ -101,6 +101,17 @@ def test_a_gap_is_named(run: pg.Result) -> None:
     with pytest.raises(pg.InputError, match="nan"):
         gap.value("max(min(1, v.knee))")
     assert np.isnan(gap.curve("v.knee").values).sum() == 1
+    assert np.isnan(gap.curve("if(v.knee < 0, 1, 0)").values).sum() == 1
+    with pytest.raises(pg.InputError, match=r"v\.knee.*0\.3 s"):
+        gap.value("settle(v.knee)")
+    assert gap.value("final(v.knee)") == run.v[-1, 1]
+
+
+@pytest.mark.parametrize("given", [None, 3, b"max(t)", ["max(t)"]])
+def test_what_is_no_text_is_refused(run: pg.Result, given: object) -> None:
+    for function in (run.value, run.curve):
+        with pytest.raises(pg.InputError, match="must be text"):
+            function(given)  # pyright: ignore[reportArgumentType]
 
 
 def test_models_do_not_know_functions_of_whole_curves() -> None:

@@ -235,7 +235,7 @@ def test_a_list_of_forces_whose_entries_change_gives_the_run_of_each():
     mech, forces, found = pg.Mechanism(pg.Model.serial(1)), [None], set()
     for k in range(60):
         forces[0] = None
-        forces[0] = pg.Motor(name="m", body="1", torque=float(k))
+        forces[0] = pg.Motor(name="m", body="1", torque=float(k), lag=0.05)
         run = pg.simulate(mech, t_end=0.01, step=1e-3, method="rk4", forces=forces, estimate=False)
         found.add(float(run.v[-1, 0]))
     assert len(found) == 60
